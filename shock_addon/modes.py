@@ -286,6 +286,7 @@ MODES: list[Mode] = [
                 "geometry",
                 "Geometry",
                 "Move vertices so that the surface becomes smooth between its creases",
+                dials=("strength", ""),
             ),
             Target(
                 "beltrami_vertex_signal",
@@ -312,21 +313,16 @@ MODES: list[Mode] = [
         icon="SMOOTHCURVE",
         presets=(
             Preset(
-                "Light Scan Noise",
-                "For noise that is hardly seen: one short round, which keeps the fine relief that"
-                " the default flattens",
-                {"iterations": 1, "repeat": 1},
-            ),
-            Preset(
-                "Strong Scan Noise",
-                "For strong noise: twice as many rounds as the default. Slow; fine relief is lost",
-                {"repeat": 6},
-            ),
-            Preset(
                 "Noisy CAD Part",
                 "For machine parts: removes the noise, then pulls the creases together, which come"
                 " out a little soft otherwise",
                 {"then_sharpen": True, "sharpen_time": 1024.0},
+            ),
+            Preset(
+                "As in the Paper",
+                "For a filter that can be set: the Beltrami kernel, the default of earlier"
+                " versions. Noise of one strength goes all over the mesh; fine relief goes with it",
+                {"method": "beltrami"},
             ),
             Preset(
                 "Noisy Vertex Colors",

@@ -5,13 +5,16 @@ from functools import partial
 
 import adam
 import crease_examples
+import denoise_examples
 import made
 import numpy as np
 import pytest
 import train_creases
+import train_denoising
 from distances import box, truths
 from meshings import EXTENT, sampled, surface_nets
 from shock_filter.core.mixture.network import load
+from shock_filter.core.shape import learned, smoothings
 from shock_filter.core.shape.candidates import DEFINITION
 from shock_filter.core.shape.creases import WEIGHTS
 
@@ -20,6 +23,52 @@ def test_the_shipped_networks_come_from_these_scripts():
     for network in load(WEIGHTS, DEFINITION).values():
         assert network.made_of == train_creases.made_of()
         assert network.version == train_creases.VERSION
+
+
+def test_the_shipped_denoisers_come_from_these_scripts():
+    found = load(learned.WEIGHTS, smoothings.DEFINITION)
+    for name in learned.STAGES:
+        assert found[name].made_of == train_denoising.made_of()
+        assert found[name].version == train_denoising.VERSION
+
+
+def test_digests_are_of_the_scripts_that_are_named_and_no_others():
+    here = train_denoising.HERE
+    for module in (train_creases, train_denoising):
+        assert all((here / name).exists() for name in module.MADE_OF)
+    assert "denoise_examples.py" not in train_creases.MADE_OF
+    assert train_creases.made_of() != train_denoising.made_of()
+
+
+def test_a_tiny_denoiser_learns_to_come_nearer_on_a_mesh_it_has_not_seen(tmp_path, monkeypatch):
+    tiny = partial(denoise_examples.example, kind="white")
+    monkeypatch.setattr(train_denoising, "MAKERS", {"solid": tiny})
+    paths = train_denoising.make_all({"solid": 10}, tmp_path, 1)
+    assert train_denoising.make_all({"solid": 10}, tmp_path, 1) == paths  # made once
+    said = []
+    networks = train_denoising.train(paths, epochs=8, hidden=(32,), log=said.append)
+    unseen = train_denoising.table(paths[0], [])
+    assert unseen["aside"].all()
+    own, new = train_denoising.errors(networks["first"], unseen)
+    assert new.mean() < 0.75 * own.mean()
+    after = train_denoising.table(paths[0], [networks["first"]])
+    assert train_denoising.errors(networks["next"], after)[1].mean() < 1.05 * new.mean()
+    assert any(line.startswith("white") for line in said)
+
+
+@pytest.mark.parametrize("kind", [*denoise_examples.KINDS, None])
+def test_examples_of_noise_come_from_their_seed(kind):
+    def make(seed):
+        if kind is None:
+            return denoise_examples.figure(seed)
+        return denoise_examples.example(seed, kind)
+
+    one, two = make(5), make(5)
+    assert np.array_equal(one.mesh.vertices, two.mesh.vertices)
+    assert len(one.truth) == one.mesh.face_count
+    lengths = np.linalg.norm(one.truth, axis=1)[one.mesh.areas > 0]
+    assert lengths == pytest.approx(np.ones(len(lengths)), abs=1e-6)
+    assert not np.array_equal(make(6).mesh.vertices[:9], one.mesh.vertices[:9])
 
 
 def test_a_tiny_network_learns_to_come_nearer_on_solids_it_has_not_seen(tmp_path, monkeypatch):
@@ -70,6 +119,21 @@ def test_slopes_are_those_of_the_loss():
         change = (adam._slopes(layers, told, back)[0] - loss) / 1e-6
         layers[n][j][at] -= 1e-6
         assert slopes[n][j][at] * len(told) == pytest.approx(change, rel=1e-3, abs=1e-5)
+
+
+def test_slopes_of_free_mixtures_are_those_of_the_loss():
+    rng = np.random.default_rng(2)
+    y, weights = rng.normal(size=(5, 8)), rng.uniform(0.5, 1, 5)
+    candidates, targets = rng.normal(size=(5, 4, 3)), rng.normal(size=(5, 3))
+    candidates /= np.linalg.norm(candidates, axis=2, keepdims=True)
+    targets /= np.linalg.norm(targets, axis=1, keepdims=True)
+    components = candidates.transpose(0, 2, 1)
+    loss, slopes = adam._free_back(y, components, targets, weights)
+    for at in ((0, 1), (3, 2), (2, 5), (4, 7)):
+        y[at] += 1e-6
+        change = (adam._free_back(y, components, targets, weights)[0] - loss) / 1e-6
+        y[at] -= 1e-6
+        assert slopes[at] * len(y) == pytest.approx(change, rel=1e-2, abs=3e-4)
 
 
 def test_samples_beside_the_surface_are_those_of_the_whole_grid():

@@ -71,16 +71,11 @@ def trained_free_mixture(
 ) -> Network:
     """As `trained_mixture`, for `free_mixture` and one target for each row: (n, 3)."""
     components = np.ascontiguousarray(candidates.transpose(0, 2, 1))
-    count = candidates.shape[1]
 
     def back(y, rows):
-        both = targets[rows][:, None]
-        shares, further = _shares(y[:, :count]), y[:, count:]
-        loss, slope = _share_back(shares + further, components[rows], both, weights[rows])
-        bent = shares * (slope - (shares * slope).sum(1, keepdims=True))
-        return loss, np.concatenate([bent, slope + HELD * further / len(y)], 1)
+        return _free_back(y, components[rows], targets[rows], weights[rows])
 
-    return _trained(told, back, (*hidden, 2 * count), epochs, seed, log)
+    return _trained(told, back, (*hidden, 2 * candidates.shape[1]), epochs, seed, log)
 
 
 def trained_gate(
@@ -180,6 +175,14 @@ def _mixture_back(y, components, targets, weights):
     shares = _shares(y)
     loss, slope = _share_back(shares, components, targets, weights)
     return loss, shares * (slope - (shares * slope).sum(1, keepdims=True))
+
+
+def _free_back(y, components, targets, weights):
+    count = components.shape[2]
+    shares, further = _shares(y[:, :count]), y[:, count:]
+    loss, slope = _share_back(shares + further, components, targets[:, None], weights)
+    bent = shares * (slope - (shares * slope).sum(1, keepdims=True))
+    return loss, np.concatenate([bent, slope + HELD * further / len(y)], 1)
 
 
 def _shares(y):

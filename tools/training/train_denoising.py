@@ -23,6 +23,7 @@ import numpy as np
 from denoise_examples import example, figure
 from scripts import meaning_of
 from shock_filter import core
+from shock_filter.core.base import parallel
 from shock_filter.core.mixture.choice import free_mixture
 from shock_filter.core.mixture.network import Network, save
 from shock_filter.core.shape.learned import STAGES, WEIGHTS, found_in_stage
@@ -125,8 +126,12 @@ def gathered(function, jobs: list, processes: int) -> list:
     """Call a function for each job, in processes of their own if there are several."""
     if processes == 1:
         return [function(job) for job in jobs]
-    with ProcessPoolExecutor(processes) as pool:
+    with ProcessPoolExecutor(processes, initializer=_alone) as pool:
         return list(pool.map(function, jobs, chunksize=8))
+
+
+def _alone() -> None:
+    parallel.most_threads = 1  # the other cores have processes of their own
 
 
 def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]:

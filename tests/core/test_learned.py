@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The learned denoiser: noise of several kinds goes, what is clean stays bit for bit."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from shapes import angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
+from shock_filter import core
+from shock_filter.core.base import parallel
+from shock_filter.core.mesh.calculus import average_to_vertices, smooth_vertices
+from shock_filter.core.mixture.choice import pair_count
+from shock_filter.core.mixture.network import load
+from shock_filter.core.shape.learned import STAGES, WEIGHTS, found_in_stage, networks
+from shock_filter.core.shape.smoothings import DEFINITION, FIRST, NEXT, NEXT_TOLD, TOLD
+
+EXPECTED = []
+
+
+def noisy(vertices, faces, amount, seed=0, passes=0):
+    """A mesh with noise in all directions; after passes of smoothing, along the normals."""
+    mesh = core.TriangleMesh(vertices, faces)
+    rng = np.random.default_rng(seed)
+    if passes == 0:
+        return mesh.moved_to(
+            vertices + amount * mesh.mean_edge_length * rng.normal(size=(len(vertices), 3))
+        )
+    steps = smooth_vertices(mesh, rng.normal(size=(len(vertices), 1)), passes)
+    along = average_to_vertices(mesh, mesh.normals)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    return mesh.moved_to(vertices + amount * mesh.mean_edge_length * steps / steps.std() * along)
+
+
+def error(mesh, clean):
+    return angles(mesh.normals, clean.normals).mean()
+
+
+def denoised(mesh, settings=None, **options):
+    return mesh.moved_to(core.denoise_geometry(mesh, settings, **options))
+
+
+def folds(mesh):
+    """Pairs of faces that close beyond 140 degrees."""
+    here, there = np.arange(3 * mesh.face_count), mesh.twins.reshape(-1)
+    pairs = np.stack([here, there], axis=1)[there >= 0] // 3
+    cosines = (mesh.normals[pairs[:, 0]] * mesh.normals[pairs[:, 1]]).sum(axis=1)
+    return {tuple(pair) for pair in pairs[cosines < np.cos(np.radians(140.0))].tolist()}
+
+
+def rough_sheet():
+    vertices, faces = grid(12, 12)
+    rough = 0.2 * np.random.default_rng(0).normal(size=(len(vertices), 3))
+    return core.TriangleMesh(vertices + rough, faces)
+
+
+# ------------------------------------------------------------------------------- the networks
+
+
+def test_the_shipped_networks_are_those_of_this_code():
+    found = load(WEIGHTS, DEFINITION)
+    assert set(found) == set(STAGES)
+    for name, count, told in zip(STAGES, (FIRST, NEXT), (TOLD, NEXT_TOLD), strict=True):
+        assert found[name].weights[0].shape[0] == told
+        assert found[name].weights[-1].shape[1] == 2 * count
+    assert WEIGHTS.stat().st_size < 300_000
+
+
+def test_the_smoothings_stand_in_this_order():
+    mesh = rough_sheet()
+    found = found_in_stage(mesh, [])
+    assert found.normals.shape == (mesh.face_count, FIRST, 3)
+    first = found.normals.astype(float)
+    assert np.allclose(first[:, 0], mesh.normals, atol=1e-6)
+    up = [abs(first[:, k, 2]).mean() for k in range(FIRST)]
+    assert up[1] < up[2] < up[3] < up[4]  # plain means, of more and more passes
+    assert up[5] < up[6] < up[4]
+    assert up[12] < up[13] < up[14] < up[19] < up[20]  # umbrella passes
+    normals, told = found.told(mesh, np.arange(5))
+    assert told.shape == (5, TOLD)
+    far = np.linalg.norm(normals[:, 0] - normals[:, 1], axis=1)
+    assert told[:, 0] == pytest.approx(np.log(far + 0.02) + 2, abs=1e-4)
+    after = found_in_stage(mesh, networks()[:1])
+    assert after.normals.shape[1] == NEXT
+    assert np.allclose(after.normals[:, 4], mesh.normals, atol=1e-6)
+    assert after.told(mesh, np.arange(5))[1].shape == (5, NEXT_TOLD)
+    assert pair_count(NEXT) + after.around.shape[1] == NEXT_TOLD
+
+
+def test_exact_numbers():
+    mesh = rough_sheet()
+    found = (core.denoise_geometry(mesh) - mesh.vertices)[20::29]
+    assert np.allclose(found, EXPECTED, atol=1e-5), found.round(7).tolist()
+
+
+def test_any_number_of_threads_gives_the_same_bits(monkeypatch):
+    vertices, faces = cube(20)
+    mesh = noisy(vertices, faces, 0.2)
+    out = core.denoise_geometry(mesh)
+    monkeypatch.setattr(parallel, "most_threads", 1)
+    assert np.array_equal(core.denoise_geometry(core.TriangleMesh(mesh.vertices, faces)), out)
+
+
+# ---------------------------------------------------------------------------- noise of all kinds
+
+
+@pytest.mark.parametrize("amount", [0.1, 0.3, 0.5])
+def test_white_noise_on_a_part_goes_and_creases_stay(amount):
+    vertices, faces = cube(20)
+    clean, mesh = core.TriangleMesh(vertices, faces), noisy(vertices, faces, amount)
+    out = denoised(mesh)
+    assert error(out, clean) < 0.25 * error(mesh, clean)
+    beside = 10 - np.sort(abs(vertices[faces].mean(axis=1)), axis=1)[:, 1] < 0.7
+    after, before = (angles(m.normals, clean.normals)[beside].mean() for m in (out, mesh))
+    assert after < 0.45 * before
+
+
+@pytest.mark.parametrize("amount", [0.1, 0.3])
+def test_white_noise_on_a_ball_goes(amount):
+    vertices, faces = icosphere(5)
+    clean, mesh = core.TriangleMesh(vertices, faces), noisy(vertices, faces, amount)
+    assert error(denoised(mesh), clean) < 0.25 * error(mesh, clean)
+
+
+def test_noise_of_scans_on_a_part_goes():
+    vertices, faces = cube(24)
+    clean, mesh = core.TriangleMesh(vertices, faces), noisy(vertices, faces, 0.15, passes=1)
+    assert error(denoised(mesh), clean) < 0.5 * error(mesh, clean)
+
+
+def test_terraces_of_a_depth_camera_go():
+    vertices, faces = grid(48, 48)
+    vertices[:, 2] = 0.12 * vertices[:, 0] + 0.05 * vertices[:, 1]
+    clean = core.TriangleMesh(vertices, faces)
+    rough = gaussian_filter(np.random.default_rng(0).normal(size=(49, 49))[:48, :48], 1.0)
+    deep = vertices.copy()
+    noise = np.resize(rough / rough.std(), len(vertices))
+    deep[:, 2] = np.round(deep[:, 2] / 0.4 + 0.2 * noise) * 0.4
+    mesh = core.TriangleMesh(deep, faces)
+    assert error(denoised(mesh), clean) < 0.5 * error(mesh, clean)
+
+
+def test_half_of_a_mesh_that_is_spoilt_leaves_the_other_half():
+    vertices, faces = icosphere(5)
+    spoilt = vertices[:, 0] > 0
+    rough = vertices + 0.3 * 0.04 * spoilt[:, None] * np.random.default_rng(0).normal(
+        size=vertices.shape
+    )
+    out = core.denoise_geometry(core.TriangleMesh(rough, faces))
+    clean = core.TriangleMesh(vertices, faces)
+    far = (vertices[faces][:, :, 0] < -0.2).all(axis=1)
+    assert angles(core.TriangleMesh(out, faces).normals, clean.normals)[far].mean() < 0.3
+
+
+# --------------------------------------------------------------------------------- what is clean
+
+
+@pytest.mark.parametrize("shape", [cube(8), cube(1), icosphere(4), fan(40), grid(9, 9)])
+def test_clean_meshes_stay_bit_for_bit(shape):
+    mesh = core.TriangleMesh(*shape)
+    assert np.array_equal(core.denoise_geometry(mesh), mesh.vertices)
+
+
+def test_relief_of_ten_edges_a_wave_stays():
+    vertices, faces = icosphere(5)
+    waves = 1 + 0.02 * np.sin(12 * vertices).sum(axis=1, keepdims=True)
+    mesh = core.TriangleMesh(vertices * waves, faces)
+    assert error(denoised(mesh), mesh) < 1.5
+
+
+# ------------------------------------------------------------------------------------- the dials
+
+
+def test_a_strength_of_0_returns_the_input_bit_for_bit_and_half_of_it_half():
+    mesh = noisy(*cube(8), 0.2)
+    moves = {}
+    for strength in (0.0, 0.5, 1.0, 2.0):
+        settings = core.BeltramiGeometrySettings(strength=strength)
+        moves[strength] = core.denoise_geometry(mesh, settings) - mesh.vertices
+    assert not moves[0.0].any()
+    for strength in (0.5, 2.0):
+        near = np.isclose(moves[strength], strength * moves[1.0], atol=1e-6).all(axis=1)
+        assert near.mean() > 0.8
+    kernel = {"method": "beltrami", "repeat": 1}
+    half, whole = (
+        core.denoise_geometry(mesh, core.BeltramiGeometrySettings(strength=s, **kernel))
+        for s in (0.5, 1.0)
+    )
+    assert np.allclose(half - mesh.vertices, 0.5 * (whole - mesh.vertices), atol=1e-9)
+
+
+def test_another_strength_is_quick(monkeypatch):
+    mesh = noisy(*cube(8), 0.2)
+    core.denoise_geometry(mesh)
+    monkeypatch.setattr("shock_filter.core.shape.learned.mixed", None)
+    core.denoise_geometry(mesh, core.BeltramiGeometrySettings(strength=0.7))
+
+
+def test_a_mask_keeps_bit_for_bit_and_a_part_is_filtered_as_the_whole():
+    vertices, faces = icosphere(5)
+    mesh = noisy(vertices, faces, 0.2)
+    whole = core.denoise_geometry(mesh)
+    for part in (vertices[:, 0] > 0, vertices[:, 0] > 0.9):
+        out = core.denoise_geometry(mesh, mask=part.astype(float))
+        assert np.array_equal(out[~part], mesh.vertices[~part])
+        inner = vertices[:, 0] > np.where(part, vertices[:, 0], 2).min() + 0.05
+        lengths = np.linalg.norm(out - whole, axis=1)[inner]
+        assert lengths.mean() < 0.1 * mesh.mean_edge_length
+    assert np.array_equal(core.denoise_geometry(mesh, mask=np.ones(len(vertices))), whole)
+    assert np.array_equal(core.denoise_geometry(mesh, mask=np.zeros(len(vertices))), mesh.vertices)
+    half = core.denoise_geometry(mesh, mask=np.full(len(vertices), 0.5)) - mesh.vertices
+    share = (
+        np.linalg.norm(half, axis=1).mean() / np.linalg.norm(whole - mesh.vertices, axis=1).mean()
+    )
+    assert 0.3 < share < 0.9
+
+
+# ------------------------------------------------------------------------------------ any meshes
+
+
+def test_it_moves_turns_scales_and_reorders_with_the_mesh():
+    mesh = noisy(*cube(12), 0.2)
+    out = core.denoise_geometry(mesh)
+    turn, shift, size = rotation(4), np.array([30.0, -20.0, 7.0]), mesh.mean_edge_length
+    moved = core.TriangleMesh(40.0 * mesh.vertices @ turn.T + shift, mesh.faces)
+    back = (core.denoise_geometry(moved) - shift) @ turn / 40.0
+    assert np.linalg.norm(back - out, axis=1).mean() < 5e-3 * size
+    vertices, faces, v, _ = shuffled(mesh.vertices, mesh.faces)
+    other = core.denoise_geometry(core.TriangleMesh(vertices, faces))[v]
+    assert np.linalg.norm(other - out, axis=1).max() < 2e-2 * size
+
+
+def test_scattered_meshes_are_filtered_as_sorted_ones():
+    vertices, faces = cube(60)
+    vertices, faces = subdivide(vertices, faces)
+    mesh = noisy(vertices, faces, 0.2)
+    rows = np.random.default_rng(0).permutation(len(vertices))
+    number = np.argsort(rows)
+    mixed = core.TriangleMesh(
+        mesh.vertices[rows], number[faces][np.random.default_rng(1).permutation(len(faces))]
+    )
+    assert mixed.face_count > 100_000
+    out = core.denoise_geometry(mixed)
+    far = np.linalg.norm(out[number] - core.denoise_geometry(mesh), axis=1)
+    assert far.mean() < 1e-2 * mesh.mean_edge_length
+
+
+@pytest.mark.parametrize("amount", [0.2, 0.6, 1.0])
+def test_folds_do_not_become_more(amount):
+    for shape in (cube(12), icosphere(4)):
+        mesh = noisy(*shape, amount)
+        assert folds(denoised(mesh)) <= folds(mesh)
+
+
+def test_needles_holes_and_faces_without_area_are_borne():
+    vertices, faces = grid(20, 20)
+    rng = np.random.default_rng(2)
+    vertices = vertices + rng.normal(scale=0.1, size=vertices.shape)
+    vertices[:40] = vertices[0]  # many at one place
+    vertices[100] += 1e-9
+    faces = faces[rng.random(len(faces)) > 0.2]
+    faces = np.concatenate([faces, [[5, 5, 6], [300, 301, 300], [200, 201, 399]]])
+    vertices = np.concatenate([vertices, [[1e3, 0, 0]]])  # loose
+    mesh = core.TriangleMesh(vertices, faces)
+    out = core.denoise_geometry(mesh)
+    assert np.isfinite(out).all()
+    assert np.array_equal(out[-1], vertices[-1])
+
+
+def test_parts_of_very_different_sizes_are_filtered():
+    one, faces = cube(10)
+    two, more = icosphere(4)
+    vertices = np.concatenate([one, 0.3 * two + 40])
+    faces = np.concatenate([faces, more + len(one)])
+    clean = core.TriangleMesh(vertices, faces)
+    rough = (
+        vertices
+        + np.random.default_rng(0).normal(size=vertices.shape)
+        * np.where(np.arange(len(vertices)) < len(one), 0.2, 0.2 * 0.02)[:, None]
+    )
+    mesh = core.TriangleMesh(rough, faces)
+    before, after = (angles(m.normals, clean.normals) for m in (mesh, denoised(mesh)))
+    first = np.arange(len(faces)) < len(faces) - len(more)
+    assert after[first].mean() < 0.4 * before[first].mean()
+    assert after[~first].mean() < 0.4 * before[~first].mean()
+
+
+def test_a_single_triangle_stays():
+    mesh = core.TriangleMesh(np.eye(3), [[0, 1, 2]])
+    assert np.array_equal(core.denoise_geometry(mesh), mesh.vertices)
+
+
+def test_cancelling_stops_it():
+    mesh = noisy(*cube(20), 0.2)
+    for stop in (0.05, 0.3, 0.7, 0.95):
+        with pytest.raises(core.Cancelled):
+            core.denoise_geometry(
+                core.TriangleMesh(mesh.vertices, mesh.faces), progress=lambda f, _, s=stop: f < s
+            )
