@@ -87,35 +87,38 @@ def learned_displacement(
     ----------
     mesh : TriangleMesh
     weights : (n,) float64 or None
-        1 filters fully, 0 leaves the vertex in place.
+        How much of its displacement a vertex takes; those of 0 stay, and others fit to them.
     strength : float
         How much of the displacement is taken; the rest is kept with the mesh for another one.
     nets : list of Network, optional
         One for each stage; those that are shipped by default.
     """
     given = networks() if nets is None else nets
-    key = (weights, *map(id, given))
+    free = None if weights is None else (weights > LEAST_WEIGHT).astype(np.float64)
+    key = (free, *map(id, given))
     with phase(0.0, 0.9, _MESSAGE):
-        moved, normals = kept(mesh, "denoised", key, lambda: _denoised(mesh, weights, given))
+        moved, normals = kept(mesh, "denoised", key, lambda: _denoised(mesh, free, given))
     with phase(0.9, 1.0, _MESSAGE):
-        fixed = None if weights is None else weights <= LEAST_WEIGHT
-        return mended(mesh, normals, strength * moved, fixed)
+        moved = strength * moved
+        if weights is None or free is None:
+            return mended(mesh, normals, moved, None)
+        return mended(mesh, normals, weights[:, None] * moved, free == 0)
 
 
 def _denoised(
-    mesh: TriangleMesh, weights: Floats | None, nets: list[Network]
+    mesh: TriangleMesh, free: Floats | None, nets: list[Network]
 ) -> tuple[Floats, Floats]:
-    # The displacement, and the normals that it is fitted to.
-    if weights is None:
+    # The displacement, and the normals that it is fitted to; `free` are 1, or 0 for what stays.
+    if free is None or free.all():
         return _in_stages(mesh, None, nets)
-    near = dilation(mesh, (weights > LEAST_WEIGHT).view(np.uint8), _RINGS)
+    near = dilation(mesh, (free > 0).view(np.uint8), _RINGS)
     if near.mean() > _WORTH_IT:
-        return _in_stages(mesh, weights, nets)
+        return _in_stages(mesh, free, nets)
     moved, normals = np.zeros((mesh.vertex_count, 3)), mesh.normals.copy()
     chosen = np.flatnonzero(greatest_to_faces(mesh, near))
-    if len(chosen) and mesh.areas[chosen].any():
+    if mesh.areas[chosen].any():
         part, index = part_of(mesh, chosen)
-        moved[index], normals[chosen] = _in_stages(part, weights[index], nets)
+        moved[index], normals[chosen] = _in_stages(part, free[index], nets)
     return moved, normals
 
 

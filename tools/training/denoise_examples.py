@@ -110,6 +110,21 @@ def figure(seed: int) -> Example:
     return Example(noisy, truth, "noisy figure")
 
 
+def drawn(seed: int) -> Example:
+    """Make a mesh of few faces, as people draw it: turned bodies, and figures of uneven quads."""
+    rng = np.random.default_rng(seed)
+    if rng.random() < 0.5:
+        v, f = _turned(rng)
+    else:
+        shape = solid(rng, 60, False)
+        d, h = _grid(shape, int(rng.integers(10, 26)))
+        v, f = _meshed(rng, d, h)
+        v = nearest(shape, v, h)
+        for _ in range(rng.integers(0, 4)):  # wider here, narrower there
+            v = v + rng.uniform(0, 0.25) * np.sin(v @ rng.normal(size=(3, 3)) * 2)
+    return _low_noisy(rng, v, f, "drawn")
+
+
 def solid(rng, cells: int, waves: bool) -> Solid:
     """A random solid in a box: simple parts joined, cut or blended; with relief all over or not."""
     organic = rng.random() < 0.45
@@ -275,7 +290,12 @@ def _low(rng, shape, cells):
         d, h = _grid(shape, max(cells // 3, 14))
         v, f = _meshed(rng, d, h)
         v = nearest(shape, v, h)
-    if how != "even" and rng.random() < 0.3:  # open: a part is cut away
+    return _low_noisy(rng, v, f, how)
+
+
+def _low_noisy(rng, v, f, how):
+    # Open or not, noisy or not.
+    if how != "even" and rng.random() < 0.3:  # a part is cut away
         d = v[f].mean(1) @ rng.normal(size=3)
         used, f = np.unique(f[d < np.quantile(d, rng.uniform(0.6, 0.97))], return_inverse=True)
         v, f = v[used], np.ascontiguousarray(f.reshape(-1, 3), np.int32)
@@ -283,7 +303,7 @@ def _low(rng, shape, cells):
     if rng.random() < UNTOUCHED:
         return Example(mesh, mesh.normals, how)
     lengths = norm(v[f] - v[f[:, [1, 2, 0]]], 2)
-    if how == "modelled" or rng.random() < 0.3:  # of the shortest edge
+    if how in ("modelled", "drawn") or rng.random() < 0.3:  # of the shortest edge
         local = np.full(len(v), np.inf)
         for k in range(3):
             np.minimum.at(local, f[:, k], lengths.min(1))
@@ -312,3 +332,35 @@ def _uneven(rng, shape, cells):
     v, f = surface_nets(shape(p).reshape((cells,) * 3))
     v = np.stack([np.interp(v[:, x], np.arange(cells), axes[x]) for x in range(3)], 1)
     return nearest(shape, v, 2 * EXTENT / cells), f
+
+
+def _turned(rng):
+    # Cones, cylinders, lathes, balls of a few rings, closed by fans; long thin faces.
+    sides, rings = (int(np.exp(rng.uniform(*np.log(ends)))) for ends in ((3, 70), (2, 30)))
+    t, kind = np.linspace(0, 1, rings), rng.integers(0, 4)
+    z = rng.uniform(0.1, 3) * t
+    if kind == 0:
+        r = rng.uniform(0.2, 1) + rng.uniform(-0.9, 1) * t * rng.choice([0, 1])
+    elif kind == 1:
+        r = 0.5 + 0.3 * np.sin(rng.uniform(2, 9) * t + rng.uniform(0, 6.3))
+    elif kind == 2:
+        r, z = rng.uniform(0.2, 1, rings), np.cumsum(rng.uniform(0, 0.4, rings))
+    else:
+        r, z = (
+            0.5 * np.sin(np.pi * (t + 0.5 / rings) * rings / (rings + 1)),
+            -0.5 * np.cos(np.pi * t),
+        )
+    a = np.arange(sides) * 2 * np.pi / sides
+    ends = np.maximum(abs(r), 0.02)[:, None]
+    v = np.stack([ends * np.cos(a), ends * np.sin(a), np.repeat(z[:, None], sides, 1)], -1)
+    i, j = np.mgrid[: rings - 1, :sides]
+    k, first = (j + 1) % sides, lambda x, y: (x * sides + y).reshape(-1)
+    quads = first(i, j), first(i, k), first(i + 1, k), first(i + 1, j)
+    f = np.concatenate([np.stack([quads[0], *quads[1:3]], 1), np.stack([quads[0], *quads[2:]], 1)])
+    low, high = rng.choice([0.0, rng.uniform(0, 1.5)], 2)
+    v = np.concatenate([v.reshape(-1, 3), [[0, 0, z[0] - low], [0, 0, z[-1] + high]]])
+    here, top, n = np.arange(sides), (rings - 1) * sides, len(v)
+    ahead, bottom, middle = (here + 1) % sides, np.full(sides, n - 2), np.full(sides, n - 1)
+    fans = np.stack([ahead, here, bottom], 1), np.stack([here + top, ahead + top, middle], 1)
+    f = np.concatenate([f, *fans])
+    return v * rng.uniform(0.5, 1.5, 3) @ turn(rng), np.ascontiguousarray(f, np.int32)

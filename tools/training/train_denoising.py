@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from denoise_examples import example, figure
+from denoise_examples import drawn, example, figure
 from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.base import parallel
@@ -38,11 +38,12 @@ MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py
 VERSION = 1
 """Counts the trainings that were shipped."""
 
-MAKERS = {"solid": example, "figure": figure}
-COUNTS = {"solid": 1500, "figure": 350}
+MAKERS = {"solid": example, "white": partial(example, kind="white"), "figure": figure,
+          "drawn": drawn}  # fmt: skip
+COUNTS = {"solid": 1500, "white": 250, "figure": 350, "drawn": 300}
 """How many seeds of each."""
 
-FACES, ROWS = (24, 60_000), (600, 1600)
+FACES, ROWS = (24, 60_000), (500, 1200)
 """Fewest and most faces of a mesh that counts, and of a mesh that are learned from; of small ones
 some count more than once."""
 
@@ -59,7 +60,8 @@ KEPT_ASIDE = 16
 USUAL = 1.5
 """Degrees: a mesh counts the less the farther its best smoothing is from the truth."""
 
-UNTOUCHED = {"modelled": 2.0, "decimated": 2.0, "subdivided": 2.0, "uneven": 2.0, "figure": 2.0}
+UNTOUCHED = {"modelled": 2.0, "decimated": 2.0, "subdivided": 2.0, "uneven": 2.0, "figure": 2.0,
+             "drawn": 2.0}  # fmt: skip
 """How much more those count that have few faces, or are sculptures, and have no noise."""
 
 TURNED = np.cos(np.radians(60.0))
