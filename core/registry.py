@@ -157,8 +157,6 @@ class Filter(Row):
         Name of the sharpening, of the same kind of data, that may follow in the same run.
     then_time : float
         Its default time.
-    then_settings : mapping
-        Its other settings that differ from their defaults.
     """
 
     name: str
@@ -187,7 +185,6 @@ class Filter(Row):
     takes_scale: bool = False
     then: str = ""
     then_time: float = 256.0
-    then_settings: Mapping[str, Any] = {}
 
     def function(
         self, then_time: float | None = None, corners: bool = False, vertices: bool = False
@@ -224,7 +221,7 @@ class Filter(Row):
         """Make the settings of the filter that follows; None without a time."""
         if time is None:
             return None
-        settings = find(self.then).settings(**self.then_settings, time=time)
+        settings = find(self.then).settings(time=time)
         if settings.time < 0:
             raise InvalidSettings(f"time is {settings.time:g}; give a value from 0.")
         return settings
@@ -355,10 +352,6 @@ FILTERS: tuple[Filter, ...] = (
         _denoise_geometry,
         is_slow=True,
         then="sharpen_geometry",
-        then_settings={
-            **_settings.OF_PAPER,
-            "sampling": "linear",
-        },  # removes the noise that is left
     ),
     Filter(
         "beltrami_vertex_signal",

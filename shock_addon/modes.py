@@ -309,7 +309,7 @@ MODES: list[Mode] = [
         "denoising",
         second="beta",
         announced="Will denoise: {}",
-        advice="for more noise raise Time or lower Keep Edges",
+        advice="for more noise raise Strength or Time, or lower Keep Edges",
         icon="SMOOTHCURVE",
         presets=(
             Preset(

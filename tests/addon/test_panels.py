@@ -265,7 +265,8 @@ def test_denoising_has_its_settings_and_its_button(mode, rounded_box):
     carried, *_ = words(drawn, "set")
     assert (carried.then_sharpen, carried.iterations) == (True, 5)
     first = words(drawn, "prop")
-    assert first[-5:] == ["time", "beta", "iterations", "then_sharpen", "sharpen_time"]
+    own = ["time", "beta", "iterations"] if mode == "denoise_image" else ["method", "strength"]
+    assert first[-len(own) - 2 :] == [*own, "then_sharpen", "sharpen_time"]
     for panel in others:
         drawn += draw(panel)
     shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - CHOICES

@@ -72,15 +72,15 @@ def test_opacity_of_an_image_stays_or_is_denoised_and_sharpened(alpha):
 
 
 def test_sharpening_works_on_the_result():
-    _, vertices, faces = noisy_cube()
+    _, vertices, faces = noisy_cube(noise=0.3)
     mesh = core.TriangleMesh(vertices, faces)
     colors, _ = painted(vertices)
     close = np.testing.assert_allclose
     denoised = core.TriangleMesh(core.denoise_geometry(mesh, GEOMETRY), faces)
-    settings = core.GeometrySettings.of_paper(time=16, sampling="linear")
+    settings = core.GeometrySettings(time=256)
     sharp = core.sharpen_geometry(denoised, settings)
     assert abs(sharp - denoised.vertices).max() > 0.01
-    close(find("denoise_geometry").function(16.0)(mesh, settings=GEOMETRY), sharp, atol=1e-9)
+    close(find("denoise_geometry").function(256.0)(mesh, settings=GEOMETRY), sharp, atol=1e-9)
 
     smooth = core.beltrami_vertex_signal(mesh, colors, SIGNAL)
     sharp = core.sharpen_vertex_signal(mesh, smooth, core.ShockSettings(time=64))
@@ -228,7 +228,7 @@ def read_ply(name):
 
 
 def test_meshes_on_disk_lose_their_noise(folder):
-    _, vertices, faces = noisy_cube()
+    _, vertices, faces = noisy_cube(noise=0.3)
     colors, right = painted(vertices)
     write_ply("in.ply", vertices, faces, colors, right.astype(float))
     outcome = denoise_file("in.ply", "out.ply")

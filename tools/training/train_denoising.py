@@ -40,10 +40,10 @@ VERSION = 1
 
 MAKERS = {"solid": example, "white": partial(example, kind="white"), "figure": figure,
           "drawn": drawn}  # fmt: skip
-COUNTS = {"solid": 1500, "white": 250, "figure": 350, "drawn": 300}
+COUNTS = {"solid": 1500, "white": 200, "figure": 350, "drawn": 160}
 """How many seeds of each."""
 
-FACES, ROWS = (24, 60_000), (500, 1200)
+FACES, ROWS = (24, 60_000), (400, 1600)
 """Fewest and most faces of a mesh that counts, and of a mesh that are learned from; of small ones
 some count more than once."""
 
