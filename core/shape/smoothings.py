@@ -11,6 +11,7 @@ relief, but how far smoothing moves the surface over the length of its edges can
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ import numpy.typing as npt
 from ..base.parallel import kernel, run
 from ..base.progress import ask, phase
 from ..base.vectors import TIE_BREAKER, cross, dot, edge
+from ..mesh.adjacency import Ints
 from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ..mixture.cells import MeansAround
 from ..mixture.choice import pair_count, tell_pairs
@@ -257,7 +259,7 @@ def _field(mesh: TriangleMesh, places: Floats) -> Singles:
     return field
 
 
-def _umbrella_states(mesh, heights):
+def _umbrella_states(mesh: TriangleMesh, heights: Singles) -> Iterator[Singles]:
     # Yields the fields after `_UMBRELLA` passes, and measures the heights of `_BANDS`.
     start, ring = mesh.neighbours
     lengths = np.empty(mesh.vertex_count)
@@ -304,7 +306,7 @@ def _around(mesh: TriangleMesh, signal: Singles, more: Singles) -> Singles:
     return out
 
 
-def _spread(start, ring, values: Singles, passes: int) -> Singles:
+def _spread(start: Ints, ring: Ints, values: Singles, passes: int) -> Singles:
     for _ in range(passes):
         out = np.empty_like(values)
         run(_average_ring, len(values), start, ring, values, out)
