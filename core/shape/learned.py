@@ -48,7 +48,7 @@ FITS = 3
 
 _FIT = FitSettings(screening_radius=5.0)
 
-_STILL = 0.3, 1.0
+_STILL = 1.6, 3.0
 """Degrees around a face from which faces turn, and fully."""
 
 _UPRIGHT, _TURNED = 0.4, -0.2
