@@ -136,6 +136,8 @@ def _in_stages(
             del found
             with phase(0.8, 1.0, _MESSAGE):
                 state.fit(normals, FITS if last else 1)
+        if not state.moved.any():
+            break  # all is clean
     return state.moved, state.normals
 
 
