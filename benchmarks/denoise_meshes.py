@@ -31,10 +31,13 @@ PAIR_NORMAL, PAIR_POSITION = 4.0, 0.2
 Filter = Callable[[core.TriangleMesh], np.ndarray]
 
 
-def denoised(mesh: core.TriangleMesh, distance: str = "geodesic", **settings: object) -> np.ndarray:
-    """Denoise; without settings, with the defaults."""
-    with variants.distances(distance):
-        return core.denoise_geometry(mesh, core.BeltramiGeometrySettings(**settings))
+def denoised(mesh: core.TriangleMesh, distance: str = "", **settings: object) -> np.ndarray:
+    """Denoise; by the kernel of the paper, if its distance or settings are given."""
+    if not distance and not settings:
+        return core.denoise_geometry(mesh)
+    with variants.distances(distance or "geodesic"):
+        kernel = core.BeltramiGeometrySettings(method="beltrami", **settings)
+        return core.denoise_geometry(mesh, kernel)
 
 
 def sharpened(mesh: core.TriangleMesh, **settings: object) -> np.ndarray:
@@ -51,6 +54,7 @@ def then_sharpened(mesh: core.TriangleMesh, **settings: object) -> np.ndarray:
 OURS: dict[str, Filter] = {
     "input": lambda mesh: mesh.vertices,
     "ours, default": denoised,
+    "ours, kernel": lambda mesh: denoised(mesh, distance="geodesic"),
     "ours, euclidean": lambda mesh: denoised(mesh, distance="euclidean"),
     "ours, euclidean, time 0.35": lambda mesh: denoised(mesh, distance="euclidean", time=0.35),
     "ours, positions": lambda mesh: denoised(mesh, filtered="positions"),

@@ -58,16 +58,20 @@ def filter_paint(mesh: core.TriangleMesh, distance: str) -> None:
         core.beltrami_vertex_signal(mesh, colors, core.BeltramiMeshSettings(iterations=1))
 
 
+def _kernel(**settings: int) -> core.BeltramiGeometrySettings:
+    return core.BeltramiGeometrySettings(method="beltrami", **settings)
+
+
 def filter_shape(mesh: core.TriangleMesh, distance: str) -> None:
     """Filter the surface once: the normals, and the fit to them."""
     with variants.distances(distance):
-        core.denoise_geometry(mesh, core.BeltramiGeometrySettings(iterations=1, repeat=1))
+        core.denoise_geometry(mesh, _kernel(iterations=1, repeat=1))
 
 
 def filter_shape_fully(mesh: core.TriangleMesh, distance: str) -> None:
     """Filter the surface with the default settings."""
     with variants.distances(distance):
-        core.denoise_geometry(mesh)
+        core.denoise_geometry(mesh, _kernel())
 
 
 WHOLE = "surface, defaults"

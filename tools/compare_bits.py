@@ -76,7 +76,7 @@ def calls() -> Iterator[tuple[str, str, dict[str, Any]]]:
     paint = 1 / (1 + np.exp(-8 * np.sin(3 * ball.vertices)))
     corners = paint[ball.faces] + 0.3 * (ball.normals[:, :1, None] > 0)
     geometry, denoising = core.GeometrySettings, core.BeltramiGeometrySettings
-    everywhere = {"where": "everywhere"}
+    everywhere, kernel = {"where": "everywhere"}, {"method": "beltrami"}
 
     for name, settings in (
         ("", geometry()),
@@ -95,8 +95,8 @@ def calls() -> Iterator[tuple[str, str, dict[str, Any]]]:
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     yield "fit", "fit_to_normals", {"mesh": ball, "normals": outward}
     yield "denoised", "denoise_geometry", {"mesh": noisy}
-    yield "denoised ball", "denoise_geometry", {"mesh": ball, "settings": denoising(time=4.0)}
-    words = {"mesh": noisy, "settings": denoising(filtered="positions")}
+    yield "denoised ball", "denoise_geometry", {"mesh": ball, "settings": denoising(**kernel, time=4.0)}
+    words = {"mesh": noisy, "settings": denoising(**kernel, filtered="positions")}
     yield "denoised positions", "beltrami_mesh", words
     yield "denoised joint", "beltrami_joint", {"mesh": ball, "signal": paint}
 

@@ -93,7 +93,7 @@ def test_a_mask_keeps_the_sign_of_zero(function):
 def test_a_mesh_that_denoising_draws_to_a_point_is_not_sharpened(wings):
     mesh, colors = wings
     long = {"time": 1e6, "iterations": 9}
-    settings = core.BeltramiGeometrySettings(filtered="positions", **long)
+    settings = core.BeltramiGeometrySettings(method="beltrami", filtered="positions", **long)
     positions = find("denoise_geometry").function(16.0)(mesh, settings=settings)
     assert np.ptp(positions, axis=0).max() < 1e-6
     joint = core.BeltramiMeshSettings(beta=0.0, **long)
