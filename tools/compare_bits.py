@@ -95,7 +95,11 @@ def calls() -> Iterator[tuple[str, str, dict[str, Any]]]:
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     yield "fit", "fit_to_normals", {"mesh": ball, "normals": outward}
     yield "denoised", "denoise_geometry", {"mesh": noisy}
-    yield "denoised ball", "denoise_geometry", {"mesh": ball, "settings": denoising(**kernel, time=4.0)}
+    yield (
+        "denoised ball",
+        "denoise_geometry",
+        {"mesh": ball, "settings": denoising(**kernel, time=4.0)},
+    )
     words = {"mesh": noisy, "settings": denoising(**kernel, filtered="positions")}
     yield "denoised positions", "beltrami_mesh", words
     yield "denoised joint", "beltrami_joint", {"mesh": ball, "signal": paint}
