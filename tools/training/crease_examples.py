@@ -221,6 +221,24 @@ def decimated(seed) -> Example:
     return _as_it_is(core.TriangleMesh(v, f), "decimated", kind)
 
 
+def subdivided(seed) -> Example:
+    """Cages of some hundred faces, subdivided: what is modelled for animation."""
+    import fast_simplification  # only for this and the above
+
+    rng = np.random.default_rng(seed)
+    kind = str(rng.choice(["statue", "smooth", "part", "filleted"], p=[0.4, 0.2, 0.2, 0.2]))
+    h = 2 * EXTENT / 39
+    shape = solid(rng, kind, h)
+    v, f = surface_nets(sampled(shape, 40))
+    v = umbrella(v * h - EXTENT, f, int(rng.integers(0, 4)), 0.5)
+    count = int(np.exp(rng.uniform(np.log(60), np.log(900))))
+    v, f = fast_simplification.simplify(v, f, target_count=count)
+    v, f = np.asarray(v, float), np.asarray(f)
+    for _ in range(rng.integers(1, 4 if count < 300 else 3)):
+        v, f = _subdivided(v, f, crisp=rng.random() < 0.1)
+    return _as_it_is(core.TriangleMesh(v, f), "subdivided", kind)
+
+
 def softened(seed) -> Example:
     """Clean crisp meshes of even faces, smoothed in part or all: their creases are wanted."""
     rng = np.random.default_rng(seed)
