@@ -138,7 +138,7 @@ def demo(session: nox.Session) -> None:
 def test(session: nox.Session) -> None:
     """Run all tests on one Blender."""
     provide_system_libraries(session)
-    install(session, "-e", ".[blender,files,fields,video,cluster,test,docs]")
+    install(session, "-e", ".[blender,files,fields,video,cluster,test,docs,training]")
     session.run("pytest", *(session.posargs or ["--numprocesses=2", "--dist=loadfile"]))
     if not session.posargs:
         session.notify("test_blender(4.5)")

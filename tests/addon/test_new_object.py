@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The output New Object: what is seen, with modifiers applied, in an object of its own."""
 
+from functools import partial
+
 import bpy
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import poll
 from shock_filter.shock_addon.preview import meshes as preview_meshes
 
-sharpen = bpy.ops.shock_filter.sharpen_geometry
+sharpen = partial(bpy.ops.shock_filter.sharpen_geometry, where="everywhere")
 denoise = bpy.ops.shock_filter.denoise
 
 

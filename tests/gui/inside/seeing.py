@@ -100,7 +100,7 @@ def preview(mode: str, seen: dict) -> Steps:
     yield from press("Escape")
     yield DRAWN
     seen["dropped"] = state()
-    dial = "width" if mode == "colors" else "time"
+    dial = {"geometry": "time", "colors": "width", "denoise": "strength"}[mode]
     before = getattr(settings, dial)
     yield from park()
     seen["started"] = run("preview")
@@ -148,9 +148,9 @@ def change_by_script() -> Steps:
 
 
 def values() -> list[float]:
-    """Return the two values of the preview that is under way."""
+    """Return the one or two values of the preview that is under way."""
     preview = running_preview()
-    return [getattr(preview.parameters, n) for n in (preview.dial, preview.second)]
+    return [getattr(preview.parameters, n) for n in (preview.dial, preview.second) if n]
 
 
 def said() -> str:
