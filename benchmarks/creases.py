@@ -322,7 +322,7 @@ def draw(curves, folder: Path) -> None:
     axes[0].set_ylabel("share of the error left")
     axes[0].legend()
     figure.tight_layout()
-    figure.savefig(folder / "creases-steadiness.svg")
+    figure.savefig(folder / "creases-steadiness.png", dpi=80)
 
 
 def main() -> None:

@@ -48,7 +48,7 @@ def mesh_runs(path: Path) -> tuple[str, Iterator[Run]]:
         corners = colors[mesh.faces]
         yield "geometry", lambda: core.sharpen_geometry(mesh)
         yield "steady", lambda: core.sharpen_geometry(mesh, core.GeometrySettings(time=np.inf))
-        yield "denoise", lambda: find("beltrami_mesh").function(64.0)(mesh, settings=settings)
+        yield "denoise", lambda: find("denoise_geometry").function(64.0)(mesh, settings=settings)
         yield "colors", lambda: core.sharpen_vertex_signal(mesh, colors)
         yield "corners", lambda: core.sharpen_corner_signal(mesh, corners)
         sharpening = core.ShockSettings(time=64.0)

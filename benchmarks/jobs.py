@@ -160,7 +160,7 @@ def runs(count: int, size: int) -> dict[str, Work]:
             p,
         ),
         "denoising geometry": lambda p: filter_shape(
-            shape(positions, triangles), "beltrami_mesh", denoise, True, p
+            shape(positions, triangles), "denoise_geometry", denoise, True, p
         ),
         f"texture, {size} pixels across, {side**2 // 1000} K vertices": lambda p: filter_texture(
             textured, "sharpen_texture", core.TextureSettings(), p

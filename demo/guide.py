@@ -63,7 +63,8 @@ def show_times() -> None:
     shapes.soften(obj, passes=2)
     columns = [("Softened", obj.data)]
     for time in (64.0, 1024.0, 16384.0):
-        columns.append((f"Time {time:g}", filtered(obj, "sharpen_geometry", time=time)))
+        sharp = filtered(obj, "sharpen_geometry", where="everywhere", time=time)
+        columns.append((f"Time {time:g}", sharp))
     draw("times", FACE, columns)
 
 
@@ -102,7 +103,7 @@ def show_flow() -> None:
     columns = [
         ("Softened", obj.data),
         ("Potential", shown.data),
-        ("Sharpened", filtered(obj, "sharpen_geometry")),
+        ("Sharpened", filtered(obj, "sharpen_geometry", where="everywhere")),
     ]
     draw("flow", FACE, columns, colors=COLORS)
 

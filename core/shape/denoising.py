@@ -6,12 +6,14 @@ Signals alone are filtered in `core.color.signal_denoising`.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import by_keyword, checked_mask, checked_signal, checked_type
+from ..base.findings import tell
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..beltrami.mesh_smoothing import smooth_painted
 from ..color.signals import corner_rows, cut_at_jumps, from_own_corners, like, to_own_corners
@@ -218,14 +220,52 @@ def denoise_geometry(
             return moved_vertices(mesh, moved)
 
 
-beltrami_mesh = denoise_geometry
-"""An older name of `denoise_geometry`, like those of the paper's other kernels."""
+@by_keyword
+def beltrami_mesh(
+    mesh: TriangleMesh,
+    settings: BeltramiGeometrySettings | None = None,
+    *,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> Floats:
+    """Denoise a mesh by the Beltrami kernel, whatever the settings say of the method.
+
+    Paper C, equations 20 to 22, for `filtered` "positions"; for "normals" the same of the faces'
+    normals, see `denoise_geometry`.
+
+    Parameters
+    ----------
+    mesh, settings, mask, progress
+        As in `denoise_geometry`.
+
+    Returns
+    -------
+    (n, 3) float64
+        New positions in the unit of `mesh.vertices`. A time of 0 returns the old ones bit for bit.
+
+    Raises
+    ------
+    InvalidSignal, SolverError, Cancelled
+        As in `denoise_geometry`.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> still = core.beltrami_mesh(mesh, core.BeltramiGeometrySettings(time=0.0))
+    >>> bool((still == mesh.vertices).all())
+    True
+    """
+    settings = replace(given_or_default(settings, BeltramiGeometrySettings), method="beltrami")
+    return denoise_geometry(mesh, settings, mask=mask, progress=progress)
 
 
 def _displacement(
     settings: BeltramiGeometrySettings, mesh: TriangleMesh, weights: Floats | None
 ) -> Floats:
     if settings.method == "automatic":
+        if replace(settings, strength=1.0) != BeltramiGeometrySettings():
+            tell("With Method: Automatic only Strength counts; for other settings choose Beltrami.")
         return learned_displacement(mesh, weights, settings.strength)
     if settings.filtered == "positions":
         points, _ = smooth_painted(mesh, np.zeros((mesh.vertex_count, 0)), settings, moves=True)

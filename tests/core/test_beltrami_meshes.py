@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
@@ -6,6 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 from shapes import angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core import settings as settings_module
+from shock_filter.core.base.findings import gathering
 from shock_filter.core.beltrami import mesh_smoothing
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass
 from shock_filter.core.mesh.geodesics import (
@@ -468,8 +471,26 @@ def test_noise_of_normals_grows_with_the_noise():
     assert noise_of_normals(single) < 1
 
 
-def test_the_papers_name_means_the_same():
-    assert core.beltrami_mesh is core.denoise_geometry
+def test_the_papers_name_means_the_kernel():
+    mesh = noisy(*cube(8), 0.1)
+    settings = core.BeltramiGeometrySettings(time=0.8)
+    kernel = core.denoise_geometry(mesh, replace(settings, method="beltrami"))
+    assert np.array_equal(core.beltrami_mesh(mesh, settings), kernel)
+    assert not np.array_equal(core.denoise_geometry(mesh, settings), kernel)
+
+
+def test_settings_that_do_not_count_are_told():
+    mesh = noisy(*cube(8), 0.1)
+
+    def said(**settings):
+        with gathering() as findings:
+            core.denoise_geometry(mesh, core.BeltramiGeometrySettings(**settings))
+        return [str(finding) for finding in findings]
+
+    assert said(time=0.8) == [
+        "With Method: Automatic only Strength counts; for other settings choose Beltrami."
+    ]
+    assert said(strength=0.5) == said(method="beltrami", time=0.8) == []
 
 
 def all_filters(mesh, values, **settings):
