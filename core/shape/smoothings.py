@@ -114,8 +114,8 @@ def first_smoothings(mesh: TriangleMesh) -> Smoothings:
     """Smooth the normals of a mesh in all ways of the first stage."""
     found = np.empty((mesh.face_count, FIRST, 3), dtype=np.float32)
     with phase(0.0, 0.1, _MESSAGE):
-        faces = _Faces(mesh)
-        field = _field(mesh, mesh.scaled_vertices)
+        faces = Faces(mesh)
+        field = field_of(mesh, mesh.scaled_vertices)
     into = _Kept(found)
     with phase(0.1, 0.5, _MESSAGE):
         into.keep(field)
@@ -162,8 +162,8 @@ def next_smoothings(
         What lay around in the first stage.
     """
     found = np.empty((mesh.face_count, NEXT, 3), dtype=np.float32)
-    faces, into = _Faces(mesh), _Kept(found)
-    own = _field(mesh, mesh.scaled_vertices)
+    faces, into = Faces(mesh), _Kept(found)
+    own = field_of(mesh, mesh.scaled_vertices)
     field = own.copy()
     field[:, :3] = normals
     with phase(0.0, 0.7, _MESSAGE):
@@ -193,9 +193,11 @@ class _Kept:
         ask()
 
 
-class _Faces:
-    # The faces that share a vertex with each face. A field of faces (m, 4) holds unit vectors and
-    # areas, side by side in memory.
+class Faces:
+    """The faces that share a vertex with each face, to average over.
+
+    A field of faces, (m, 4) float32, holds unit vectors and areas, side by side in memory.
+    """
 
     def __init__(self, mesh: TriangleMesh) -> None:
         count = np.empty(mesh.face_count, dtype=np.int32)
@@ -219,7 +221,7 @@ class _Faces:
         kept = []
         for before, count in pairwise((0, *counts)):
             for _ in range(count - before):
-                field = self._mean(field, field if own else guide, spread)
+                field = self.mean(field, field if own else guide, spread)
             into.keep(field)
             kept.append(field)
         return kept
@@ -230,14 +232,15 @@ class _Faces:
     def guided(self, field: Singles, spread: float, into: _Kept) -> None:
         done = 0
         while done < _GUIDED_PASSES[-1]:
-            guide = self._even(field)
+            guide = self.even(field)
             for _ in range(_EACH):
-                field = self._mean(field, guide, spread)
+                field = self.mean(field, guide, spread)
             done += _EACH
             if done in _GUIDED_PASSES:
                 into.keep(field)
 
-    def _mean(self, field: Singles, guide: Singles | None, spread: float) -> Singles:
+    def mean(self, field: Singles, guide: Singles | None, spread: float) -> Singles:
+        """Average a field; with a guide, among faces where it is alike within the spread."""
         out = np.empty_like(field)
         if guide is None:
             run(_average, len(field), self.start, self.around, field, out)
@@ -246,14 +249,16 @@ class _Faces:
             run(_average_alike, len(field), self.start, self.around, field, guide, rate, out)
         return out
 
-    def _even(self, field: Singles) -> Singles:
+    def even(self, field: Singles) -> Singles:
+        """Find the mean normals of the most even patches around: guides."""
         patches, out = np.empty_like(field), np.empty_like(field)
         run(_average_patches, len(field), self.start, self.around, field, patches)
         run(_choose_patches, len(field), self.start, self.around, field, patches, out)
         return out
 
 
-def _field(mesh: TriangleMesh, places: Floats) -> Singles:
+def field_of(mesh: TriangleMesh, places: Floats) -> Singles:
+    """Return normals and areas of the faces of a mesh whose vertices are at some places."""
     field = np.empty((mesh.face_count, 4), dtype=np.float32)
     run(_measure_field, mesh.face_count, places, mesh.faces, field)
     return field
@@ -265,7 +270,7 @@ def _umbrella_states(mesh: TriangleMesh, heights: Singles) -> Iterator[Singles]:
     lengths = np.empty(mesh.vertex_count)
     run(_measure_lengths, mesh.vertex_count, mesh.scaled_vertices, start, ring, lengths)
     places, upper, done, band = mesh.scaled_vertices, mesh.scaled_vertices, 0, 0
-    field = _field(mesh, places)
+    field = field_of(mesh, places)
     least = _SHRUNK * float(field[:, 3].sum(dtype=np.float64))
     for count in _UMBRELLA:
         new = places
@@ -273,7 +278,7 @@ def _umbrella_states(mesh: TriangleMesh, heights: Singles) -> Iterator[Singles]:
             new, old = np.empty_like(places), new
             run(even_out, mesh.vertex_count, start, ring, old, new)
         done = count
-        smooth = _field(mesh, new)
+        smooth = field_of(mesh, new)
         if smooth[:, 3].sum(dtype=np.float64) > least:
             places, field = new, smooth
         if band < len(_BANDS) and count == _BANDS[band][1]:
