@@ -32,9 +32,9 @@ _MOST_SPREAD = 0.4
 _ROUNDS = 3
 """How often the guide is replaced by what it led to."""
 
-_ROUNDING, _CRISP, _EACH = 4, 0.25, 4
-"""Passes that round creases; how far apart the guides of normals are that count for crisp ones, and
-passes between two such guides, of which there are as many."""
+_PASSES_OF_CREASES, _CRISP = 4, 0.15
+"""Passes that round creases or make them crisp; and how far apart the most even patches are that
+count by exp(-1/2) for crisp ones."""
 
 _MESSAGE = "Denoising"
 
@@ -55,12 +55,8 @@ def with_creases(mesh: TriangleMesh, normals: Floats, keep: float) -> Floats:
     """Round the creases of normals, for `keep` below 0.5, or make them crisp above it: (m, 3)."""
     faces, field = Faces(mesh), field_of(mesh, mesh.scaled_vertices)
     field[:, :3] = normals
-    other = field
-    if keep < 0.5:
-        other = _averaged(faces, field, None, 0.0, _ROUNDING)
-    else:
-        for _ in range(_EACH):
-            other = _averaged(faces, other, faces.even(other), _CRISP, _EACH)
+    guide = None if keep < 0.5 else faces.even(field)
+    other = _averaged(faces, field, guide, _CRISP, _PASSES_OF_CREASES)
     return _between(field, other, abs(2.0 * keep - 1.0))[:, :3].astype(np.float64)
 
 
