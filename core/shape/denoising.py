@@ -264,7 +264,9 @@ def _displacement(
     settings: BeltramiGeometrySettings, mesh: TriangleMesh, weights: Floats | None
 ) -> Floats:
     if settings.method == "automatic":
-        dials = {name: getattr(settings, name) for name in ("strength", "bump_size", "keep_creases")}
+        dials = {
+            name: getattr(settings, name) for name in ("strength", "bump_size", "keep_creases")
+        }
         if settings != BeltramiGeometrySettings(**dials):
             tell("With Method: Automatic only Strength, Bump Size and Keep Creases count; for other"
                  " settings choose Beltrami.")  # fmt: skip
