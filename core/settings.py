@@ -1161,6 +1161,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         0.5,
         "How crisp creases come out of the noise. 0 rounds them; at 0.5 they are as they were"
         " found; 1 makes them crisp, and smooth shapes faceted",
+        unit="of the way from round to crisp",
         maximum=1.0,
     )
     time: float = _changed(
