@@ -1163,6 +1163,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         " found; 1 makes them crisp, and smooth shapes faceted",
         unit="of the way from round to crisp",
         maximum=1.0,
+        soft_maximum=1.0,
     )
     time: float = _changed(
         BeltramiMeshSettings,

@@ -32,13 +32,14 @@ from ..mixture.network import Network, Singles, load
 from ..settings import FitSettings
 from .fit import LEAST_WEIGHT, displacement
 from .folds import mended
-from .levels import with_creases, without_bumps
 from .smoothings import (
     DEFINITION,
     Smoothings,
     even_out,
     first_smoothings,
     next_smoothings,
+    with_creases,
+    without_bumps,
 )
 
 WEIGHTS = Path(__file__).with_name("denoise.npz")

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from math import floor
 from typing import NamedTuple
 
 import numpy as np
@@ -83,6 +84,21 @@ _SHRUNK = 1e-9
 _PULL, _ROUNDING = np.float32(0.3), np.float32(1e-6)
 """As in `sides`, in single precision."""
 
+_BUMP_PASSES, _OF_GUIDE = 1.5, 0.1
+"""Averaging passes for bumps one mean edge length wide, which grow with the square of the width;
+and those of the first guide."""
+
+_BUMP_SPREAD = 0.4
+"""How far apart guides are that count by exp(-1/2), for bumps one mean edge length wide: normals
+turn more slowly the farther they are averaged. Of narrower ones, too."""
+
+_ROUNDS = 3
+"""How often the guide is replaced by what it led to."""
+
+_PASSES_OF_CREASES, _CRISP = 4, 0.15
+"""Passes that round creases or make them crisp; and how far apart the most even patches are that
+count by exp(-1/2) for crisp ones."""
+
 _MESSAGE = "Denoising"
 
 
@@ -114,8 +130,8 @@ def first_smoothings(mesh: TriangleMesh) -> Smoothings:
     """Smooth the normals of a mesh in all ways of the first stage."""
     found = np.empty((mesh.face_count, FIRST, 3), dtype=np.float32)
     with phase(0.0, 0.1, _MESSAGE):
-        faces = Faces(mesh)
-        field = field_of(mesh, mesh.scaled_vertices)
+        faces = _Faces(mesh)
+        field = _field(mesh, mesh.scaled_vertices)
     into = _Kept(found)
     with phase(0.1, 0.5, _MESSAGE):
         into.keep(field)
@@ -162,8 +178,8 @@ def next_smoothings(
         What lay around in the first stage.
     """
     found = np.empty((mesh.face_count, NEXT, 3), dtype=np.float32)
-    faces, into = Faces(mesh), _Kept(found)
-    own = field_of(mesh, mesh.scaled_vertices)
+    faces, into = _Faces(mesh), _Kept(found)
+    own = _field(mesh, mesh.scaled_vertices)
     field = own.copy()
     field[:, :3] = normals
     with phase(0.0, 0.7, _MESSAGE):
@@ -181,6 +197,52 @@ def next_smoothings(
         return Smoothings(found, np.concatenate([new, around], axis=1))
 
 
+def without_bumps(mesh: TriangleMesh, width: float) -> Floats:
+    """Smooth normals so that bumps up to a width, in mean edge lengths, go and creases stay.
+
+    Rolling guidance (Wang et al. 2015): means over a disk as wide as the bumps, among faces whose
+    guides are alike. The first guide is a mean over a smaller disk, each next one what the last one
+    led to, so creases come back.
+    """
+    passes = _BUMP_PASSES * width * width
+    spread = _BUMP_SPREAD / max(width, 1.0)
+    faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
+    guide = _averaged(faces, field, None, 0.0, _OF_GUIDE * passes)
+    for done in range(_ROUNDS):
+        with phase(done / _ROUNDS, (done + 1) / _ROUNDS, _MESSAGE):
+            guide = _averaged(faces, field, guide, spread, passes)
+    return guide[:, :3].astype(np.float64)
+
+
+def with_creases(mesh: TriangleMesh, normals: Floats, keep: float) -> Floats:
+    """Round the creases of normals, for `keep` below 0.5, or make them crisp above it: (m, 3)."""
+    faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
+    field[:, :3] = normals
+    guide = None if keep < 0.5 else faces.even(field)
+    other = _averaged(faces, field, guide, _CRISP, _PASSES_OF_CREASES)
+    return _between(field, other, abs(2.0 * keep - 1.0))[:, :3].astype(np.float64)
+
+
+def _averaged(
+    faces: _Faces, field: Singles, guide: Singles | None, spread: float, passes: float
+) -> Singles:
+    # The last pass may be a part of one, so that numbers of passes lead to results without jumps.
+    whole = floor(passes)
+    for _ in range(whole):
+        ask()
+        field = faces.mean(field, guide, spread)
+    if passes > whole:
+        field = _between(field, faces.mean(field, guide, spread), passes - whole)
+    return field
+
+
+def _between(one: Singles, other: Singles, share: float) -> Singles:
+    mean = one + np.float32(share) * (other - one)
+    length = np.linalg.norm(mean[:, :3], axis=1, keepdims=True)
+    mean[:, :3] /= np.maximum(length, np.float32(1e-12))
+    return mean
+
+
 class _Kept:
     # Puts smoothings into their places, one after the other.
 
@@ -193,7 +255,7 @@ class _Kept:
         ask()
 
 
-class Faces:
+class _Faces:
     """The faces that share a vertex with each face, to average over.
 
     A field of faces, (m, 4) float32, holds unit vectors and areas, side by side in memory.
@@ -257,7 +319,7 @@ class Faces:
         return out
 
 
-def field_of(mesh: TriangleMesh, places: Floats) -> Singles:
+def _field(mesh: TriangleMesh, places: Floats) -> Singles:
     """Return normals and areas of the faces of a mesh whose vertices are at some places."""
     field = np.empty((mesh.face_count, 4), dtype=np.float32)
     run(_measure_field, mesh.face_count, places, mesh.faces, field)
@@ -270,7 +332,7 @@ def _umbrella_states(mesh: TriangleMesh, heights: Singles) -> Iterator[Singles]:
     lengths = np.empty(mesh.vertex_count)
     run(_measure_lengths, mesh.vertex_count, mesh.scaled_vertices, start, ring, lengths)
     places, upper, done, band = mesh.scaled_vertices, mesh.scaled_vertices, 0, 0
-    field = field_of(mesh, places)
+    field = _field(mesh, places)
     least = _SHRUNK * float(field[:, 3].sum(dtype=np.float64))
     for count in _UMBRELLA:
         new = places
@@ -278,7 +340,7 @@ def _umbrella_states(mesh: TriangleMesh, heights: Singles) -> Iterator[Singles]:
             new, old = np.empty_like(places), new
             run(even_out, mesh.vertex_count, start, ring, old, new)
         done = count
-        smooth = field_of(mesh, new)
+        smooth = _field(mesh, new)
         if smooth[:, 3].sum(dtype=np.float64) > least:
             places, field = new, smooth
         if band < len(_BANDS) and count == _BANDS[band][1]:
