@@ -1128,7 +1128,8 @@ class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
 class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.denoise_geometry`.
 
-    All but Method and Strength count for the Beltrami kernel only.
+    Bump Size and Keep Creases count for the learned mixture only, all below them for the Beltrami
+    kernel only.
     """
 
     method: str = _setting(
@@ -1136,7 +1137,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         "How noise is told from the shape",
         choices={
             "automatic": "A small network, which has learned what is noise, mixes many smoothings"
-            " of the faces' directions, face by face; only Strength matters then",
+            " of the faces' directions, face by face",
             "beltrami": "One kernel for all faces, as in the paper, with the settings below",
         },
     )
@@ -1146,6 +1147,22 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         " far, beyond the smooth surface",
         unit="of the change",
         maximum=2.0,
+        soft_maximum=1.0,
+    )
+    bump_size: float = _setting(
+        0.0,
+        "Width of bumps to take away, as photogrammetry leaves them, with all relief that is not"
+        " wider. 0 finds noise by itself, and leaves wide bumps as relief; 3 to 5 are usual",
+        unit="mean edge lengths",
+        maximum=20.0,
+        soft_maximum=8.0,
+    )
+    keep_creases: float = _setting(
+        0.5,
+        "How crisp creases come out of the noise. 0 rounds them; at 0.5 they are as they were"
+        " found; 1 makes them crisp, and smooth shapes faceted",
+        unit="of the way from round to crisp",
+        maximum=1.0,
         soft_maximum=1.0,
     )
     time: float = _changed(

@@ -309,7 +309,8 @@ MODES: list[Mode] = [
         "denoising",
         second="beta",
         announced="Will denoise: {}",
-        advice="for more noise raise Strength or Time, or lower Keep Edges",
+        advice="for more noise raise Bump Size; for colors and with Beltrami raise Time or lower"
+        " Keep Edges",
         icon="SMOOTHCURVE",
         presets=(
             Preset(

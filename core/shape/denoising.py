@@ -264,9 +264,19 @@ def _displacement(
     settings: BeltramiGeometrySettings, mesh: TriangleMesh, weights: Floats | None
 ) -> Floats:
     if settings.method == "automatic":
-        if replace(settings, strength=1.0) != BeltramiGeometrySettings():
-            tell("With Method: Automatic only Strength counts; for other settings choose Beltrami.")
-        return learned_displacement(mesh, weights, settings.strength)
+        dials = {
+            name: getattr(settings, name) for name in ("strength", "bump_size", "keep_creases")
+        }
+        if settings != BeltramiGeometrySettings(**dials):
+            tell("With Method: Automatic only Strength, Bump Size and Keep Creases count; for other"
+                 " settings choose Beltrami.")  # fmt: skip
+        return learned_displacement(
+            mesh,
+            weights,
+            settings.strength,
+            bump_size=settings.bump_size,
+            keep_creases=settings.keep_creases,
+        )
     if settings.filtered == "positions":
         points, _ = smooth_painted(mesh, np.zeros((mesh.vertex_count, 0)), settings, moves=True)
         return _moves_to(points, mesh, weights)

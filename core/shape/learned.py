@@ -8,7 +8,9 @@ made solids (`tools/training`), weigh them in two stages. Faces that hardly turn
 from __future__ import annotations
 
 from functools import cache
+from math import ceil
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +38,8 @@ from .smoothings import (
     even_out,
     first_smoothings,
     next_smoothings,
+    with_creases,
+    without_bumps,
 )
 
 WEIGHTS = Path(__file__).with_name("denoise.npz")
@@ -47,6 +51,9 @@ FITS = 3
 """Fits to the normals of the last stage."""
 
 _FIT = FitSettings(screening_radius=5.0)
+
+BUMP_REACH, BUMP_FITS = 2.0, 2
+"""The radius of the fit that takes bumps away grows by so much of their width; and its fits."""
 
 _STILL = 1.6, 3.0
 """Degrees around a face from which faces turn, and fully."""
@@ -80,6 +87,8 @@ def learned_displacement(
     weights: Floats | None,
     strength: float = 1.0,
     nets: list[Network] | None = None,
+    bump_size: float = 0.0,
+    keep_creases: float = 0.5,
 ) -> Floats:
     """Find how vertices should move to be without noise: (n, 3), in the unit of `mesh.vertices`.
 
@@ -92,12 +101,17 @@ def learned_displacement(
         How much of the displacement is taken; the rest is kept with the mesh for another one.
     nets : list of Network, optional
         One for each stage; those that are shipped by default.
+    bump_size : float
+        Bumps up to this width, in mean edge lengths, are taken away first.
+    keep_creases : float
+        Below 0.5 creases are rounded, above it they are made crisp.
     """
     given = networks() if nets is None else nets
     free = None if weights is None else (weights > LEAST_WEIGHT).astype(np.float64)
-    key = (free, *map(id, given))
+    ways = _Ways(given, bump_size, keep_creases)
+    key = (free, bump_size, keep_creases, *map(id, given))
     with phase(0.0, 0.9, _MESSAGE):
-        moved, normals = kept(mesh, "denoised", key, lambda: _denoised(mesh, free, given))
+        moved, normals = kept(mesh, "denoised", key, lambda: _denoised(mesh, free, ways))
     with phase(0.9, 1.0, _MESSAGE):
         moved = strength * moved
         if weights is None or free is None:
@@ -105,29 +119,55 @@ def learned_displacement(
         return mended(mesh, normals, weights[:, None] * moved, free == 0)
 
 
-def _denoised(
-    mesh: TriangleMesh, free: Floats | None, nets: list[Network]
-) -> tuple[Floats, Floats]:
+class _Ways(NamedTuple):
+    # How to denoise: by which networks, bumps up to which width, and how much creases are kept.
+
+    nets: list[Network]
+    bump_size: float
+    keep_creases: float
+
+
+def _denoised(mesh: TriangleMesh, free: Floats | None, ways: _Ways) -> tuple[Floats, Floats]:
     # The displacement, and the normals that it is fitted to; `free` are 1, or 0 for what stays.
     if free is None or free.all():
-        return _in_stages(mesh, None, nets)
-    near = dilation(mesh, (free > 0).view(np.uint8), _RINGS)
+        return _in_stages(mesh, None, ways)
+    rings = _RINGS + ceil(BUMP_REACH * ways.bump_size)
+    near = dilation(mesh, (free > 0).view(np.uint8), rings)
     if near.mean() > _WORTH_IT:
-        return _in_stages(mesh, free, nets)
+        return _in_stages(mesh, free, ways)
     moved, normals = np.zeros((mesh.vertex_count, 3)), mesh.normals.copy()
     chosen = np.flatnonzero(greatest_to_faces(mesh, near))
     if mesh.areas[chosen].any():
         part, index = part_of(mesh, chosen)
-        moved[index], normals[chosen] = _in_stages(part, free[index], nets)
+        moved[index], normals[chosen] = _in_stages(part, free[index], ways)
     return moved, normals
 
 
-def _in_stages(
-    mesh: TriangleMesh, weights: Floats | None, nets: list[Network]
+def _in_stages(mesh: TriangleMesh, weights: Floats | None, ways: _Ways) -> tuple[Floats, Floats]:
+    if ways.bump_size == 0:
+        return _mixed_in_stages(mesh, weights, ways)
+    with phase(0.0, 0.4, _MESSAGE):
+        level = _without_bumps(mesh, weights, ways.bump_size)
+    with phase(0.4, 1.0, _MESSAGE):
+        moved, normals = _mixed_in_stages(moved_to(mesh, level), weights, ways)
+    return level + moved, normals
+
+
+def _without_bumps(mesh: TriangleMesh, weights: Floats | None, width: float) -> Floats:
+    # The displacement that takes bumps away. It reaches as far as these, unlike that of noise.
+    with phase(0.0, 0.5, _MESSAGE):
+        normals = _allowed(mesh, kept_still(mesh, without_bumps(mesh, width)), weights)
+    with phase(0.5, 1.0, _MESSAGE):
+        fit = FitSettings(screening_radius=_FIT.screening_radius + BUMP_REACH * width)
+        return fitted(mesh, np.zeros((mesh.vertex_count, 3)), normals, weights, BUMP_FITS, fit)
+
+
+def _mixed_in_stages(
+    mesh: TriangleMesh, weights: Floats | None, ways: _Ways
 ) -> tuple[Floats, Floats]:
     state = _State(mesh, weights)
-    for stage, network in enumerate(nets):
-        last = stage == len(nets) - 1
+    for stage, network in enumerate(ways.nets):
+        last = stage == len(ways.nets) - 1
         with phase(0.4 * stage, 1.0 if last else 0.4 * stage + 0.4, _MESSAGE):
             with phase(0.0, 0.5, _MESSAGE):
                 found = state.smoothed()
@@ -135,7 +175,7 @@ def _in_stages(
                 normals = mixed(network, mesh, found)
             del found
             with phase(0.8, 1.0, _MESSAGE):
-                state.fit(normals, FITS if last else 1)
+                state.fit(normals, FITS if last else 1, ways.keep_creases if last else 0.5)
         if not state.moved.any():
             break  # all is clean
     return state.moved, state.normals
@@ -168,13 +208,17 @@ class _State:
         current = moved_to(self._mesh, self.moved)
         return next_smoothings(current, self._mesh, self.normals, self._around)
 
-    def fit(self, normals: Floats, fits: int) -> None:
+    def fit(self, normals: Floats, fits: int, keep_creases: float = 0.5) -> None:
         mesh = self._mesh
-        normals = kept_still(mesh, normals)
-        if self._weights is not None:
-            normals = blended_normals(mesh, mesh.normals, normals, self._weights)
+        other = None if keep_creases == 0.5 else with_creases(mesh, normals, keep_creases)
+        normals = _allowed(mesh, kept_still(mesh, normals, other), self._weights)
         self.moved = fitted(mesh, self.moved, normals, self._weights, fits)
         self.normals = normals
+
+
+def _allowed(mesh: TriangleMesh, normals: Floats, weights: Floats | None) -> Floats:
+    # What the weights allow of the way from the own normals to others.
+    return normals if weights is None else blended_normals(mesh, mesh.normals, normals, weights)
 
 
 def mixed(network: Network, mesh: TriangleMesh, found: Smoothings) -> Floats:
@@ -187,19 +231,25 @@ def mixed(network: Network, mesh: TriangleMesh, found: Smoothings) -> Floats:
     return normals
 
 
-def kept_still(mesh: TriangleMesh, normals: Floats) -> Floats:
-    """Give faces their own normals, bit for bit, where none around turns."""
+def kept_still(mesh: TriangleMesh, normals: Floats, other: Floats | None = None) -> Floats:
+    """Give faces their own normals, bit for bit, where none around turns; else `other` if given."""
     turned = np.empty(mesh.face_count)
     run(_measure_turns, mesh.face_count, mesh.normals, normals, _STILL, turned)
     for _ in range(2):
         turned = greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
     out = np.empty_like(normals)
-    run(_take, mesh.face_count, mesh.normals, normals, turned, out)
+    wanted = normals if other is None else other
+    run(_take, mesh.face_count, mesh.normals, wanted, turned, out)
     return out
 
 
 def fitted(
-    mesh: TriangleMesh, moved: Floats, normals: Floats, weights: Floats | None, fits: int = 1
+    mesh: TriangleMesh,
+    moved: Floats,
+    normals: Floats,
+    weights: Floats | None,
+    fits: int = 1,
+    settings: FitSettings = _FIT,
 ) -> Floats:
     """Go on from a displacement of a mesh towards normals of its faces: (n, 3)."""
     for fit in range(fits):
@@ -210,7 +260,7 @@ def fitted(
                 even = even if weights is None else weights[:, None] * even
                 moved = moved + even
                 current = moved_to(mesh, moved)
-            moved = moved + displacement(current, normals, _FIT, weights)[0]
+            moved = moved + displacement(current, normals, settings, weights)[0]
     return moved
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from math import floor
 from typing import NamedTuple
 
 import numpy as np
@@ -82,6 +83,21 @@ _SHRUNK = 1e-9
 
 _PULL, _ROUNDING = np.float32(0.3), np.float32(1e-6)
 """As in `sides`, in single precision."""
+
+_BUMP_PASSES, _OF_GUIDE = 1.5, 0.1
+"""Averaging passes for bumps one mean edge length wide, which grow with the square of the width;
+and those of the first guide."""
+
+_BUMP_SPREAD = 0.4
+"""How far apart guides are that count by exp(-1/2), for bumps one mean edge length wide: normals
+turn more slowly the farther they are averaged. Of narrower ones, too."""
+
+_ROUNDS = 3
+"""How often the guide is replaced by what it led to."""
+
+_PASSES_OF_CREASES, _CRISP = 4, 0.15
+"""Passes that round creases or make them crisp; and how far apart the most even patches are that
+count by exp(-1/2) for crisp ones."""
 
 _MESSAGE = "Denoising"
 
@@ -181,6 +197,52 @@ def next_smoothings(
         return Smoothings(found, np.concatenate([new, around], axis=1))
 
 
+def without_bumps(mesh: TriangleMesh, width: float) -> Floats:
+    """Smooth normals so that bumps up to a width, in mean edge lengths, go and creases stay.
+
+    Rolling guidance (Wang et al. 2015): means over a disk as wide as the bumps, among faces whose
+    guides are alike. The first guide is a mean over a smaller disk, each next one what the last one
+    led to, so creases come back.
+    """
+    passes = _BUMP_PASSES * width * width
+    spread = _BUMP_SPREAD / max(width, 1.0)
+    faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
+    guide = _averaged(faces, field, None, 0.0, _OF_GUIDE * passes)
+    for done in range(_ROUNDS):
+        with phase(done / _ROUNDS, (done + 1) / _ROUNDS, _MESSAGE):
+            guide = _averaged(faces, field, guide, spread, passes)
+    return guide[:, :3].astype(np.float64)
+
+
+def with_creases(mesh: TriangleMesh, normals: Floats, keep: float) -> Floats:
+    """Round the creases of normals, for `keep` below 0.5, or make them crisp above it: (m, 3)."""
+    faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
+    field[:, :3] = normals
+    guide = None if keep < 0.5 else faces.even(field)
+    other = _averaged(faces, field, guide, _CRISP, _PASSES_OF_CREASES)
+    return _between(field, other, abs(2.0 * keep - 1.0))[:, :3].astype(np.float64)
+
+
+def _averaged(
+    faces: _Faces, field: Singles, guide: Singles | None, spread: float, passes: float
+) -> Singles:
+    # The last pass may be a part of one, so that numbers of passes lead to results without jumps.
+    whole = floor(passes)
+    for _ in range(whole):
+        ask()
+        field = faces.mean(field, guide, spread)
+    if passes > whole:
+        field = _between(field, faces.mean(field, guide, spread), passes - whole)
+    return field
+
+
+def _between(one: Singles, other: Singles, share: float) -> Singles:
+    mean = one + np.float32(share) * (other - one)
+    length = np.linalg.norm(mean[:, :3], axis=1, keepdims=True)
+    mean[:, :3] /= np.maximum(length, np.float32(1e-12))
+    return mean
+
+
 class _Kept:
     # Puts smoothings into their places, one after the other.
 
@@ -194,8 +256,10 @@ class _Kept:
 
 
 class _Faces:
-    # The faces that share a vertex with each face. A field of faces (m, 4) holds unit vectors and
-    # areas, side by side in memory.
+    """The faces that share a vertex with each face, to average over.
+
+    A field of faces, (m, 4) float32, holds unit vectors and areas, side by side in memory.
+    """
 
     def __init__(self, mesh: TriangleMesh) -> None:
         count = np.empty(mesh.face_count, dtype=np.int32)
@@ -219,7 +283,7 @@ class _Faces:
         kept = []
         for before, count in pairwise((0, *counts)):
             for _ in range(count - before):
-                field = self._mean(field, field if own else guide, spread)
+                field = self.mean(field, field if own else guide, spread)
             into.keep(field)
             kept.append(field)
         return kept
@@ -230,14 +294,15 @@ class _Faces:
     def guided(self, field: Singles, spread: float, into: _Kept) -> None:
         done = 0
         while done < _GUIDED_PASSES[-1]:
-            guide = self._even(field)
+            guide = self.even(field)
             for _ in range(_EACH):
-                field = self._mean(field, guide, spread)
+                field = self.mean(field, guide, spread)
             done += _EACH
             if done in _GUIDED_PASSES:
                 into.keep(field)
 
-    def _mean(self, field: Singles, guide: Singles | None, spread: float) -> Singles:
+    def mean(self, field: Singles, guide: Singles | None, spread: float) -> Singles:
+        """Average a field; with a guide, among faces where it is alike within the spread."""
         out = np.empty_like(field)
         if guide is None:
             run(_average, len(field), self.start, self.around, field, out)
@@ -246,7 +311,8 @@ class _Faces:
             run(_average_alike, len(field), self.start, self.around, field, guide, rate, out)
         return out
 
-    def _even(self, field: Singles) -> Singles:
+    def even(self, field: Singles) -> Singles:
+        """Find the mean normals of the most even patches around: guides."""
         patches, out = np.empty_like(field), np.empty_like(field)
         run(_average_patches, len(field), self.start, self.around, field, patches)
         run(_choose_patches, len(field), self.start, self.around, field, patches, out)
@@ -254,6 +320,7 @@ class _Faces:
 
 
 def _field(mesh: TriangleMesh, places: Floats) -> Singles:
+    """Return normals and areas of the faces of a mesh whose vertices are at some places."""
     field = np.empty((mesh.face_count, 4), dtype=np.float32)
     run(_measure_field, mesh.face_count, places, mesh.faces, field)
     return field

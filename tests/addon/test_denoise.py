@@ -126,7 +126,7 @@ def test_a_run_that_moves_nothing_says_what_to_raise(noisy_cube, capfd):
     noisy_cube()
     denoise(strength=0.0)
     assert "moved 0, " in (said := capfd.readouterr().out)
-    assert "(for more noise raise Strength or Time, or lower Keep Edges)" in said
+    assert "(for more noise raise Bump Size; for colors and with Beltrami raise Time" in said
 
 
 def test_sharpening_follows_at_creases(noisy_cube):

@@ -265,7 +265,9 @@ def test_denoising_has_its_settings_and_its_button(mode, rounded_box):
     carried, *_ = words(drawn, "set")
     assert (carried.then_sharpen, carried.iterations) == (True, 5)
     first = words(drawn, "prop")
-    own = ["time", "beta", "iterations"] if mode == "denoise_image" else ["method", "strength"]
+    own = ["method", "strength", "bump_size", "keep_creases"]
+    if mode == "denoise_image":
+        own = ["time", "beta", "iterations"]
     assert first[-len(own) - 2 :] == [*own, "then_sharpen", "sharpen_time"]
     for panel in others:
         drawn += draw(panel)

@@ -201,6 +201,55 @@ def test_another_strength_is_quick(monkeypatch):
     core.denoise_geometry(mesh, core.BeltramiGeometrySettings(strength=0.7))
 
 
+def bumpy(clean, passes, amount):
+    return noisy(clean.vertices, clean.faces, amount, passes=passes)
+
+
+def with_bump_size(width):
+    return core.BeltramiGeometrySettings(bump_size=width)
+
+
+def test_bumps_of_a_width_go_and_creases_stay():
+    vertices, faces = cube(40)
+    clean = core.TriangleMesh(vertices, faces)
+    mesh = bumpy(clean, 6, 0.35)
+    before = error(mesh, clean)
+    found = error(denoised(mesh, with_bump_size(4.0)), clean)
+    assert before > 8
+    assert found < 0.4 * before
+    assert found < error(denoised(mesh), clean)
+
+
+def test_a_bump_size_turns_the_result_evenly():
+    vertices, faces = icosphere(5)
+    clean = core.TriangleMesh(vertices, faces)
+    mesh = bumpy(clean, 6, 0.35)
+    errors = [error(denoised(mesh, with_bump_size(w)), clean) for w in np.arange(0, 6.1, 0.5)]
+    assert abs(np.diff(errors)).max() < 0.35 * errors[0]
+    near = denoised(mesh, with_bump_size(1e-3)).vertices - denoised(mesh).vertices
+    assert np.linalg.norm(near, axis=1).max() < 1e-2 * mesh.mean_edge_length
+
+
+def test_bumps_stay_where_the_mask_is_0():
+    vertices, faces = icosphere(5)
+    mesh = bumpy(core.TriangleMesh(vertices, faces), 6, 0.35)
+    part = vertices[:, 0] > 0.9
+    out = core.denoise_geometry(mesh, with_bump_size(4.0), mask=part.astype(float))
+    assert np.array_equal(out[~part], mesh.vertices[~part])
+    assert not np.array_equal(out[part], mesh.vertices[part])
+
+
+def test_keep_creases_rounds_below_the_middle_and_leaves_flat_faces():
+    vertices, faces = cube(20)
+    clean, mesh = core.TriangleMesh(vertices, faces), noisy(vertices, faces, 0.2)
+    found = []
+    for keep in (0.0, 0.25, 0.5, 1.0):
+        out = denoised(mesh, core.BeltramiGeometrySettings(keep_creases=keep))
+        found.append(error(out, clean))
+    assert found[0] > found[1] > found[2]
+    assert found[3] < 1.2 * found[2]
+
+
 def test_a_mask_keeps_bit_for_bit_and_a_part_is_filtered_as_the_whole():
     vertices, faces = icosphere(5)
     mesh = noisy(vertices, faces, 0.2)
