@@ -15,6 +15,7 @@ from denoise_images import betas, images, kernels, manifold
 from denoise_kinds import speed_of_kinds
 from denoise_meshes import meshes, noise
 from denoise_pictures import draw_scans, joint, painted, pictures
+from denoise_published import published
 from denoise_speed import speed
 from denoise_textures import textures
 from scans import scans
@@ -32,6 +33,7 @@ SECTIONS = {
     "meshes": meshes,
     "noise": noise,
     "scans": scans,
+    "published": published,
     "pictures": pictures,
     "painted": painted,
     "joint": joint,
