@@ -14,7 +14,15 @@ from itertools import pairwise
 import numpy as np
 import scipy.ndimage
 from distances import Floats, Solid, gradient, nearest, norm, placed, truths, turn
-from meshings import EXTENT, marching_cubes, mean_edge, sampled, surface_nets, umbrella
+from meshings import (
+    EXTENT,
+    marching_cubes,
+    mean_edge,
+    renormalized,
+    sampled,
+    surface_nets,
+    umbrella,
+)
 from scipy.spatial import ConvexHull, Delaunay
 from shock_filter import core
 from solids import KINDS, SHARES, part, smooth, solid, statue
@@ -60,6 +68,8 @@ def remeshed(seed, kinds=None, meshings=None, cells=None, noise=None) -> Example
     d = sampled(shape, n)
     if how == "blurred":
         d = scipy.ndimage.gaussian_filter(d, rng.uniform(0.4, 1.6))
+    elif how == "voxels":
+        d = renormalized(d, h)
     if amount and rng.random() < 0.6:
         x = scipy.ndimage.gaussian_filter(rng.normal(size=d.shape), rng.uniform(0.5, 2.0))
         d, amount = d + amount * h * x / x.std(), 0.0

@@ -94,6 +94,77 @@ def minus(a: Solid, *solids: Solid) -> Solid:
     return lambda p: np.max([a(p)] + [-s(p) for s in solids], 0)
 
 
+def joined(first: Solid, *others: Solid) -> Solid:
+    """Their union, with true depths behind concave edges where they meet at right angles.
+
+    The lesser of two distances is too short there, and voxels' edges are cut at other places.
+    """
+
+    def distance(p):
+        d = first(p)
+        for other in others:
+            x = other(p)
+            d = np.minimum(d, x) * _longer(-d, -x)
+        return d
+
+    return distance
+
+
+def cut(first: Solid, *others: Solid) -> Solid:
+    """The first without the others, with true distances beyond edges at right angles."""
+
+    def distance(p):
+        d = first(p)
+        for other in others:
+            x = -other(p)
+            d = np.maximum(d, x) * _longer(d, x)
+        return d
+
+    return distance
+
+
+def _longer(x, y):
+    # sqrt(x^2 + y^2) over the greater of them where both are positive, else 1.
+    less, more = np.maximum(np.minimum(x, y), 0), np.maximum(np.maximum(x, y), 1e-12)
+    return np.sqrt(1 + (less / more) ** 2)
+
+
+def profile(corners: Floats) -> Solid:
+    """A polygon in the plane: function of points (k, 2); corners run counterclockwise."""
+    begin, end = corners, np.roll(corners, -1, axis=0)
+    along = end - begin
+    squared = np.maximum((along**2).sum(1), 1e-30)
+
+    def distance(p):
+        nearest, inside = np.full(len(p), np.inf), np.zeros(len(p), bool)
+        for a, b, u, s in zip(begin, end, along, squared, strict=True):
+            w = p - a
+            off = w - np.clip(w @ u / s, 0, 1)[:, None] * u
+            nearest = np.minimum(nearest, (off**2).sum(1))
+            across = (a[1] <= p[:, 1]) != (b[1] <= p[:, 1])
+            inside ^= across & ((w[:, 0] * u[1] < w[:, 1] * u[0]) != (u[1] < 0))
+        return np.where(inside, -1, 1) * np.sqrt(nearest)
+
+    return distance
+
+
+def extruded(outline: Solid, half: float, axis: int = 2) -> Solid:
+    """What lies between two copies of a flat outline."""
+    k = [i for i in range(3) if i != axis]
+
+    def distance(p):
+        e = np.stack([outline(p[:, k]), abs(p[:, axis]) - half], 1)
+        return norm(np.maximum(e, 0)) + np.minimum(e.max(1), 0)
+
+    return distance
+
+
+def turned(outline: Solid, axis: int = 2) -> Solid:
+    """What an outline sweeps that turns around an axis; its points are (radius, height)."""
+    k = [i for i in range(3) if i != axis]
+    return lambda p: outline(np.stack([norm(p[:, k]), p[:, axis]], 1))
+
+
 def both(*solids: Solid) -> Solid:
     return lambda p: np.max([s(p) for s in solids], 0)
 
