@@ -488,7 +488,8 @@ def test_settings_that_do_not_count_are_told():
         return [str(finding) for finding in findings]
 
     assert said(time=0.8) == [
-        "With Method: Automatic only Strength counts; for other settings choose Beltrami."
+        "With Method: Automatic only Strength, Bump Size and Keep Creases count; for other"
+        " settings choose Beltrami."
     ]
     assert said(strength=0.5) == said(method="beltrami", time=0.8) == []
 
