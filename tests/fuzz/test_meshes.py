@@ -214,7 +214,7 @@ def test_denoise_geometry(data, settings, sharpen_time, stop_at):
     positions = call_on(
         mesh, lambda m, watch: function(m, settings=settings, mask=mask, progress=watch), mask,
         stop_at=stop_at)  # fmt: skip
-    check_positions(positions, mesh, mask, settings.time == 0 and not sharpen_time)
+    check_positions(positions, mesh, mask, settings.is_neutral and not sharpen_time)
 
 
 @examples(40)
