@@ -55,9 +55,9 @@ TURNS = 2.0
 MISSED = 0.01
 """Share of all turns that the gate may miss."""
 
-IN_DOUBT = 1.5
+IN_DOUBT = 3.5
 """What is added, at last, to the score of a face's own normal: models that nobody here has seen
-change by a third less, and parts are closed as well."""
+change by half as much, and parts are closed as well."""
 
 USUAL, AS_IT_IS = 5.0, 5.0
 """Degrees: a mesh counts the less the more wrong it is, beyond the first; and how much those count
