@@ -43,6 +43,9 @@ _TOLERANCE = 1e-4
 _UNKNOWN = 1e-6
 """Screening of unknown texels, which have no value; this keeps the matrix definite."""
 
+_FLOOR = 0.01
+"""Share of the mean value that is added before logarithms are taken, as 0 has none."""
+
 _HELD = 1e6
 """Screening of texels that must not change, relative to that of others."""
 
@@ -123,6 +126,10 @@ def stitch_textures(
     side of an image has the values of its own chart, extrapolated linearly. For equal images, the
     result differs from them by rounding.
 
+    Not in the paper: images that differ by factors, as in another light, are stitched as
+    logarithms, where factors are steps. Whether they are is seen from both results: the better
+    explanation leaves the smoother correction, in units of the values, away from the seams.
+
     Examples
     --------
     Two pictures of one square, one of which is brighter:
@@ -160,12 +167,10 @@ def stitch_textures(
                 _source(space, texture, picture, given, opacity)
                 for picture, given in zip(flat, trust, strict=True)
             ]
-            target = _target_of(space, sources, labels)
         with phase(0.6, 0.9, "Stitching"):
-            change = _solved(space, target, settings)
+            stitched = _stitched(space, sources, labels, settings)
         with phase(0.9, 1.0, "Filling the gutter"):
             result = values.copy()
-            stitched = target.values + change
             if alpha >= 0:
                 column = np.zeros((space.size, 1), dtype=np.float32)
                 column[: opacity.size, 0] = opacity.reshape(-1)
@@ -178,6 +183,66 @@ def stitch_textures(
             # Opacity may rise.
             out = written(texture._replace(alpha=-1), result, settings, keep)
             return out.reshape(given.shape)
+
+
+def _stitched(
+    space: TextureSpace,
+    sources: list[_Source],
+    labels: npt.ArrayLike | None,
+    settings: StitchSettings,
+) -> _Single:
+    # By sums or by factors, or by which of the two leaves the smoother correction.
+    least, floor = _least_and_floor(sources)
+    by = settings.even_out
+    if settings.content != "values" or least < 0 or floor == 0:
+        by = "difference"
+    if by != "brightness":
+        with phase(0.0, 0.5 if by == "auto" else 1.0, "Stitching"):
+            target = _target_of(space, sources, labels)
+            change = _solved(space, target, settings)
+            summed = target.values + change
+        if by == "difference":
+            return summed
+        rough = _roughness(space, change)
+    with phase(0.5 if by == "auto" else 0.0, 1.0, "Stitching"):
+        target = _target_of(space, [_logarithms(source, floor) for source in sources], labels)
+        change = _solved(space, target, settings)
+        if by == "auto":
+            # A step of the logarithm is one of the values by so much; halfway corrected ones.
+            squares = np.exp(2.0 * target.values + change)
+            if rough <= _roughness(space, change, squares):
+                return summed
+        return np.maximum(np.exp(target.values + change) - floor, 0.0)
+
+
+def _least_and_floor(sources: list[_Source]) -> tuple[float, np.float32]:
+    # The least known value, and a share of the mean one.
+    least, total, count = np.inf, 0.0, 0
+    for source in sources:
+        known = source.values.reshape(-1, source.values.shape[2])
+        known = known[source.confidence[: len(known)] > 0]
+        least = min(least, float(known.min(initial=np.inf)))
+        total, count = total + float(known.sum(dtype=np.float64)), count + known.size
+    return least, np.float32(_FLOOR * max(total, 0.0) / max(count, 1))
+
+
+def _logarithms(source: _Source, floor: np.float32) -> _Source:
+    # What is unknown may be below 0, and is not looked at.
+    return source._replace(
+        values=np.log(np.maximum(source.values, 0) + floor),
+        corners=np.log(np.maximum(source.corners, 0.0) + floor),
+    )
+
+
+def _roughness(space: TextureSpace, change: _Single, weights: _Single | None = None) -> float:
+    # The weighted integral of a correction's squared gradient, but for the steps at seams.
+    total = 0.0
+    for k in range(change.shape[1]):
+        column = np.ascontiguousarray(change[:, k : k + 1])
+        alike = space.alike if weights is None else space.means(weights[:, k].copy())
+        inside = CellWeights(alike.cells, np.zeros_like(alike.pieces))
+        total += float(np.vdot(column, space.apply_stiffness(column, inside)))
+    return total
 
 
 def _target_of(

@@ -265,3 +265,57 @@ def test_parts_that_share_an_edge_of_three_sheets_become_one():
     inside = core.TextureAtlas(mesh, uv, size=(64, 64)).inside
     result = core.stitch_textures(mesh, uv, image, core.StitchSettings(radius=1e4))
     assert np.ptp(result[inside]) < 0.02
+
+
+def with_factors(mesh, blocks, image, channels=1):
+    """The image with each chart in another light."""
+    chart = inside_of(mesh, blocks).masks().chart
+    factors = np.random.default_rng(1).uniform(0.6, 1.4, (chart.max() + 1, channels))
+    return np.where((chart >= 0)[..., None], factors[chart], 1.0).astype(np.float32) * image
+
+
+def rms_but_for_one_factor(result, image, inside):
+    ratio = (image[inside] * result[inside]).sum(0) / (result[inside] ** 2).sum(0)
+    return float(np.sqrt(np.mean((ratio * result - image)[inside] ** 2)))
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_charts_in_different_light_become_one_and_black_stays_black(channels):
+    dark = np.maximum(picture(64) - 0.45, 0)
+    blocks = Blocks(dark, 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image, inside = blocks.texture(), inside_of(mesh, blocks).inside
+    broken = with_factors(mesh, blocks, image, channels)
+    off = {
+        by: core.stitch_textures(
+            mesh, blocks.uv, broken, core.StitchSettings(radius=1e5, even_out=by)
+        )
+        for by in ("difference", "brightness", "auto")
+    }
+    assert (off["auto"] == off["brightness"]).all()
+    errors = {by: rms_but_for_one_factor(result, image, inside) for by, result in off.items()}
+    assert errors["brightness"] < 0.3 * errors["difference"]
+    black = inside & (image.max(axis=-1) < 1e-6)
+    assert black.any()
+    assert off["brightness"][black].max() < 1 / 255
+    assert off["brightness"].min() >= 0
+
+
+def test_charts_that_differ_by_sums_are_told_from_others():
+    blocks, mesh, image = of_square(64)
+    broken = np.maximum(with_steps(mesh, blocks, image, 0.15), 0.01)
+    auto, summed = (
+        core.stitch_textures(mesh, blocks.uv, broken, core.StitchSettings(even_out=by))
+        for by in ("auto", "difference")
+    )
+    assert (auto == summed).all()
+
+
+def test_values_below_zero_take_differences():
+    mesh, uv = plain()
+    image = picture(32) - 1.0
+    results = [
+        core.stitch_textures(mesh, uv, [image, image + 0.2], core.StitchSettings(even_out=by))
+        for by in ("brightness", "difference")
+    ]
+    assert (results[0] == results[1]).all()
