@@ -42,10 +42,10 @@ def decibels(found: Pixels, image: Pixels, inside: Pixels, kind: str) -> float:
     return float(20 * np.log10(255) - 10 * np.log10(np.mean((a - b) ** 2)))
 
 
-def darkest(found: Pixels, image: Pixels, inside: Pixels) -> float:
+def darkest(found: Pixels, image: Pixels, inside: Pixels) -> str:
     """Mean value, of 255, of what is black in the image."""
     black = inside & (image.max(axis=-1) <= 2)
-    return float(found[black].mean()) if black.any() else np.nan
+    return f"{found[black].mean():.1f}" if black.any() else ""
 
 
 def main() -> None:
@@ -76,7 +76,7 @@ def main() -> None:
             rows.append(
                 [f"{name}, {chart.max() + 1} charts, {kind}"]
                 + [f"{decibels(x, model.image, inside, kind):.1f}" for x in results]
-                + [f"{darkest(x, model.image, inside):.1f}" for x in results[1:3]]
+                + [darkest(x, model.image, inside) for x in results[1:3]]
             )
             print("; ".join(rows[-1]), flush=True)
     head = ["", "before", *WAYS, *(f"black: {way}" for way in WAYS[:2])]

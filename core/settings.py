@@ -580,7 +580,8 @@ class StitchSettings(DilateSettings):
         "auto",
         "How charts or pictures that differ are brought together",
         choices={
-            "auto": "By factors or by differences, whichever leaves the smoother correction",
+            "auto": "By factors or by differences, whichever explains both sides of the seams"
+            " better",
             "brightness": "By factors, as exposure and white balance act: black stays black."
             " Values below 0, and normals, take differences",
             "difference": "By differences, as in the paper",

@@ -23,6 +23,7 @@ from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import StitchSettings, given_or_default
+from .light import differ_by_factors
 from .normal_maps import checked_normals
 from .texels import (
     Texture,
@@ -127,8 +128,8 @@ def stitch_textures(
     result differs from them by rounding.
 
     Not in the paper: images that differ by factors, as in another light, are stitched as
-    logarithms, where factors are steps. Whether they are is seen from both results: the better
-    explanation leaves the smoother correction, in units of the values, away from the seams.
+    logarithms, where factors are steps. Whether they differ so is seen at seams, and where two
+    images are known: by whether one factor or one offset leaves less there.
 
     Examples
     --------
@@ -160,14 +161,14 @@ def stitch_textures(
             texture = Texture(checked_atlas(atlas, mesh, uv, flat[0]), flat[0], alpha)
             texture = normals_of(texture, settings, at_corners)
             texture, values = gathered(texture, settings)
-        with phase(0.3, 0.6, "Comparing texels"):
+        with phase(0.3, 0.5, "Comparing texels"):
             space = TextureSpace(texture.atlas)
             opacity = values[..., alpha].copy()  # the last channel's, if none is opacity
             sources = [
                 _source(space, texture, picture, given, opacity)
                 for picture, given in zip(flat, trust, strict=True)
             ]
-        with phase(0.6, 0.9, "Stitching"):
+        with phase(0.5, 0.9, "Stitching"):
             stitched = _stitched(space, sources, labels, settings)
         with phase(0.9, 1.0, "Filling the gutter"):
             result = values.copy()
@@ -191,28 +192,26 @@ def _stitched(
     labels: npt.ArrayLike | None,
     settings: StitchSettings,
 ) -> _Single:
-    # By sums or by factors, or by which of the two leaves the smoother correction.
+    # By offsets, or by factors, which are offsets of logarithms.
     least, floor = _least_and_floor(sources)
     by = settings.even_out
     if settings.content != "values" or least < 0 or floor == 0:
         by = "difference"
-    if by != "brightness":
-        with phase(0.0, 0.5 if by == "auto" else 1.0, "Stitching"):
-            target = _target_of(space, sources, labels)
-            change = _solved(space, target, settings)
-            summed = target.values + change
-        if by == "difference":
-            return summed
-        rough = _roughness(space, change)
-    with phase(0.5 if by == "auto" else 0.0, 1.0, "Stitching"):
-        target = _target_of(space, [_logarithms(source, floor) for source in sources], labels)
-        change = _solved(space, target, settings)
-        if by == "auto":
-            # A step of the logarithm is one of the values by so much; halfway corrected ones.
-            squares = np.exp(2.0 * target.values + change)
-            if rough <= _roughness(space, change, squares):
-                return summed
-        return np.maximum(np.exp(target.values + change) - floor, 0.0)
+    if by == "auto":
+        by = "brightness" if _differ_by_factors(space, sources, floor) else "difference"
+    if by == "brightness":
+        sources = [_logarithms(source, floor) for source in sources]
+    with phase(0.0, 0.3, "Comparing texels"):
+        target = _target_of(space, sources, labels)
+    with phase(0.3, 1.0, "Stitching"):
+        stitched = target.values + _solved(space, target, settings)
+    return np.maximum(np.exp(stitched) - floor, 0.0) if by == "brightness" else stitched
+
+
+def _differ_by_factors(space: TextureSpace, sources: list[_Source], floor: np.float32) -> bool:
+    flat = [source.values.reshape(-1, source.values.shape[2]) for source in sources]
+    known = [source.confidence[: len(each)] > 0 for source, each in zip(sources, flat, strict=True)]
+    return differ_by_factors(space, flat, [s.corners for s in sources], known, float(floor))
 
 
 def _least_and_floor(sources: list[_Source]) -> tuple[float, np.float32]:
@@ -232,17 +231,6 @@ def _logarithms(source: _Source, floor: np.float32) -> _Source:
         values=np.log(np.maximum(source.values, 0) + floor),
         corners=np.log(np.maximum(source.corners, 0.0) + floor),
     )
-
-
-def _roughness(space: TextureSpace, change: _Single, weights: _Single | None = None) -> float:
-    # The weighted integral of a correction's squared gradient, but for the steps at seams.
-    total = 0.0
-    for k in range(change.shape[1]):
-        column = np.ascontiguousarray(change[:, k : k + 1])
-        alike = space.alike if weights is None else space.means(weights[:, k].copy())
-        inside = CellWeights(alike.cells, np.zeros_like(alike.pieces))
-        total += float(np.vdot(column, space.apply_stiffness(column, inside)))
-    return total
 
 
 def _target_of(
