@@ -85,9 +85,10 @@ _SHRUNK = 1e-9
 _PULL, _ROUNDING = np.float32(0.3), np.float32(1e-6)
 """As in `sides`, in single precision."""
 
-_BUMP_PASSES, _FURTHER = 1.0, 2.0
-"""Averaging passes for bumps one mean edge length wide, which grow with the square of the width;
-and how many more follow where there is no relief."""
+_BUMP_PASSES, _BY_WIDTH, _FURTHER = 2.0, 1.5, 2.0
+"""Averaging passes for bumps one mean edge length wide; the power of the width with which they
+grow, less than the square, as more relief is as wide; and how many times more follow where there is
+none."""
 
 _BUMP_SPREAD = 0.35
 """How far apart the most even patches are that count by exp(-1/2)."""
@@ -207,7 +208,7 @@ def without_bumps(mesh: TriangleMesh, width: float) -> Floats:
     farther. Bumps of that width leave a known share of themselves to the further passes. Where
     these change more, they take relief: so much of it is kept as a Wiener filter keeps.
     """
-    passes = _BUMP_PASSES * width * width
+    passes = _BUMP_PASSES * width**_BY_WIDTH
     faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
     with phase(0.0, 1.0 / (1.0 + _FURTHER), _MESSAGE):
         near = faces.levelled(field, _BUMP_SPREAD, passes)
