@@ -17,9 +17,9 @@ from ..base.progress import ProgressCallback, reporting
 from ..errors import InvalidSettings
 from ..grid.channels import channel_groups
 from ..settings import ImageSettings, given_or_default
-from .by_width.measuring import Measured, measured
+from .by_width.measuring import Measured
 from .guides import checked_guide
-from .image_steps import LARGEST, large_pixels, opacity_in_range, sharpen_checked
+from .image_steps import LARGEST, large_pixels, measured_whole, opacity_in_range, sharpen_checked
 
 
 @by_keyword
@@ -148,4 +148,4 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
         pixels = large_pixels(pixels, settings)
     channels = channel_groups(pixels.shape[2], settings)[0]
     pixels = opacity_in_range(pixels, channels.alpha)
-    return measured(pixels, channels, settings, enlarge=settings.enlarge)
+    return measured_whole(pixels, channels, settings)
