@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.parallel import kernel
-from ...grid.windows import gaussian, smooth_rows
+from ...grid.windows import gaussian
 from .planes import Planes, Singles
 from .rows import (
     add_slopes,
@@ -90,12 +90,13 @@ class First:
         def energies(top: int, bottom: int) -> Singles:
             around = max(top - 1, 0), min(bottom + 1, height)
             smooth = self._smoothed(*around)
-            found = _energies_of(planes, smooth, *around)
-            return np.ascontiguousarray(found[:, top - around[0] : bottom - around[0]])
+            found = _energies_of(planes, smooth, *around)[:, top - around[0] : bottom - around[0]]
+            return planes.with_opacity(found, top, bottom)
 
-        small = quarter_means(POOLED + 2, (height, width), energies)
+        weighted = planes.opacity.size > 0
+        small = quarter_means(POOLED + 2 + weighted, (height, width), energies)
         sigmas = SIGMAS[SLOPES[0]], SIGMAS[SLOPES[1]]
-        self.around = told_around(small, floor, (sigmas[0] ** 2, sigmas[1] ** 2), square)
+        self.around = told_around(small, weighted, floor, (sigmas[0] ** 2, sigmas[1] ** 2), square)
         self.places = places(width)
 
     def _smoothed(self, top: int, bottom: int) -> Singles:
@@ -108,9 +109,7 @@ class First:
         smooth = self._smoothed(first, last)
         low, high = self.planes.ranges(REACHES, first, last)
         energies = _energies_of(self.planes, smooth, first, last)
-        near = np.empty((POOLED, bottom - top, self.base.shape[2]), np.float32)
-        for energy, out in zip(energies, near, strict=False):
-            smooth_rows(energy, first, height, NEAR, top, out)
+        near = self.planes.averaged(energies[:POOLED], first, NEAR, top, bottom)
         return _Strip(self, top, first, smooth, low, high, energies, near)
 
 
@@ -138,7 +137,8 @@ class _Strip:
         c, _, w = values.shape
         differences = np.empty((DIFFERENCES, c, (stop - start) * w), np.float32)
         told = np.empty((TOLD, differences.shape[2]), np.float32)
-        _tell(start, stop, self.top, self.first, values, self.smooth, self.low, self.high,
+        opacity = self.stage.planes.opacity
+        _tell(start, stop, self.top, self.first, values, opacity, self.smooth, self.low, self.high,
               self.energies, self.near, self.stage.around, *self.stage.places, differences,
               told)  # fmt: skip
         return differences, told
@@ -167,14 +167,14 @@ def _energies(top, bottom, values, opacity, smooth, out):
                 before = now
             add_slopes(share, smooth[SLOPES[0], i], n, out[BANDS, n])
             add_slopes(share, smooth[SLOPES[1], i], n, out[BANDS + 1, n])
-        if opacity.size > 0:
-            for k in range(BANDS + 2):
-                multiply(opacity[top + n], out[k, n])
         a, b, d = out[0, n], out[1, n], out[3, n]
         fine, coarse = out[BANDS + 2, n], out[BANDS + 3, n]
         for x in range(len(a)):
             fine[x] = np.sqrt(a[x] + b[x])
             coarse[x] = np.sqrt(d[x])
+        if opacity.size > 0:
+            for k in range(BANDS + 4):
+                multiply(opacity[top + n], out[k, n])
 
 
 @kernel
@@ -196,8 +196,8 @@ def _put_differences(y, first, values, smooth, low, high, d):
 
 
 @kernel
-def _tell(start, stop, top, first, values, smooth, low, high, energies, near, around, place, rest,
-          differences, told):  # fmt: skip
+def _tell(start, stop, top, first, values, opacity, smooth, low, high, energies, near, around,
+          place, rest, differences, told):  # fmt: skip
     c, _, w = values.shape
     share = np.float32(1 / c)
     line = np.empty(around.shape[2] + 1, np.float32)
@@ -234,5 +234,9 @@ def _tell(start, stop, top, first, values, smooth, low, high, energies, near, ar
             put_logs(inverse, spare, o[at])
             at += 1
         for k in range(2):
-            put_logs(inverse, energies[BANDS + k, y - first], o[at])
+            spare[:] = energies[BANDS + k, y - first]
+            if opacity.size > 0:
+                for x in range(w):
+                    spare[x] /= max(opacity[y, x], np.float32(1e-6))
+            put_logs(inverse, spare, o[at])
             at += 1

@@ -41,7 +41,9 @@ def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
             planes = Planes.of(pixels[windows[i]], channels)
             away = planes.values - planes.smoothed(_AROUND, 0, planes.values.shape[1])
             squares = np.square(away, dtype=np.float64)
-            found[i] = (squares * planes.opacity if planes.opacity.size else squares).mean()
+            if planes.opacity.size:
+                squares *= planes.opacity / max(planes.opacity.mean(dtype=np.float64), 1e-6)
+            found[i] = squares.mean()
 
     run(measure, len(windows), chunk=1)
     return float(found.mean())

@@ -15,6 +15,8 @@ from ...grid.windows import least_and_greatest, smooth_rows
 
 Singles = npt.NDArray[np.float32]
 
+NONE = np.empty((0, 0), np.float32)
+
 
 @dataclass(frozen=True)
 class Planes:
@@ -48,6 +50,31 @@ class Planes:
     def with_values(self, values: Singles) -> Planes:
         """Return other values of the same opacity."""
         return Planes(values, self.opacity)
+
+    def premultiplied(self) -> Planes:
+        """Return the values times their opacity, all of which count alike."""
+        return Planes(self.values * self.opacity, NONE) if self.opacity.size else self
+
+    def with_opacity(self, energies: Singles, top: int, bottom: int) -> Singles:
+        """Return energies of some rows, (k, rows, w), with the opacity if there is one."""
+        if self.opacity.size:
+            energies = np.concatenate([energies, self.opacity[None, top:bottom]])
+        return np.ascontiguousarray(energies)
+
+    def averaged(
+        self, energies: Singles, first: int, weights: Singles, top: int, bottom: int
+    ) -> Singles:
+        """Smooth energies that were weighted by opacity: (k, rows from `first` on, w)."""
+        count, rows, width = energies.shape
+        height = self.values.shape[1]
+        out = np.empty((count, bottom - top, width), np.float32)
+        for energy, target in zip(energies, out, strict=True):
+            smooth_rows(energy, first, height, weights, top, target)
+        if not self.opacity.size:
+            return out
+        spread = np.empty(out.shape[1:], np.float32)
+        smooth_rows(self.opacity[first : first + rows], first, height, weights, top, spread)
+        return np.divide(out, spread, out=out, where=spread > 0)
 
     def smoothed(self, weights: Singles, top: int, bottom: int) -> Singles:
         """Smooth some rows, weighted by opacity: (c, rows, w)."""

@@ -63,6 +63,9 @@ FLOWED = 0.5
 _SQUARED_WIDTH = 6.57
 """From 10 to 90 percent, of a border that a Gaussian of sigma 1 has blurred."""
 
+_FAINT = 0.05
+"""Pixels of less opacity flow as if they had this one."""
+
 _SOFT = [gaussian(sigma) for sigma in SOFT]
 _FLOWED = gaussian(FLOWED)
 _CONTRAST = gaussian(REACHES[SPAN] / 2)
@@ -75,17 +78,18 @@ def flow_times(first: First) -> Singles:
     """Find for how long each pixel flows: (h, w)."""
     _, height, width = first.base.shape
     times = np.empty((height, width), np.float32)
+    premultiplied = first.planes.premultiplied()
     reach = REACHES[SPAN]
     around = len(_CONTRAST) - 1
 
     def work(start: int, stop: int) -> None:
         top, bottom = max(start - around, 0), min(stop + around, height)
         outer = max(top - reach, 0), min(bottom + reach, height)
-        low, high = first.planes.ranges((reach,), *outer)
+        low, high = premultiplied.ranges((reach,), *outer)
         contrast = np.empty((bottom - top, width), np.float32)
         _contrasts(top, bottom, outer[0], low[0], high[0], contrast)
         smooth_rows(contrast, top, height, _CONTRAST, start, times[start:stop])
-        _times(start, stop, first.around[WIDTH:], *first.places, times)
+        _times(start, stop, first.around[WIDTH:], *first.places, first.planes.opacity, times)
 
     run(work, height, chunk=STRIP)
     return times
@@ -145,8 +149,9 @@ class Second:
         self.first, self.result, self.shares, self.moved = first, result, shares, moved
         self.base = result.values
         _, height, width = self.base.shape
-        small = quarter_means(DIFFERENCES, (height, width), self._energies)
-        wide = relative(smoothed_each(small), first.around[TOTAL])
+        weighted = result.opacity.size > 0
+        small = quarter_means(DIFFERENCES + weighted, (height, width), self._energies)
+        wide = relative(smoothed_each(small, weighted), first.around[TOTAL])
         self.around = np.concatenate([first.around[:TOTAL], wide, first.around[TOTAL:]])
         self.places = first.places
 
@@ -156,7 +161,8 @@ class Second:
         return np.stack([fine, coarse]), np.stack(moved)
 
     def _energies(self, top: int, bottom: int) -> Singles:
-        return self._energies_of(top, bottom, *self._smoothed(top, bottom))
+        found = self._energies_of(top, bottom, *self._smoothed(top, bottom))
+        return self.result.with_opacity(found, top, bottom)
 
     def _energies_of(self, top: int, bottom: int, soft: Singles, moved: Singles) -> Singles:
         out = np.empty((DIFFERENCES, bottom - top, self.base.shape[2]), np.float32)
@@ -171,9 +177,7 @@ class Second:
         first, last = max(top - reach, 0), min(bottom + reach, height)
         soft, moved = self._smoothed(first, last)
         energies = self._energies_of(first, last, soft, moved)
-        near = np.empty((DIFFERENCES, bottom - top, self.base.shape[2]), np.float32)
-        for energy, out in zip(energies, near, strict=True):
-            smooth_rows(energy, first, height, NEAR, top, out)
+        near = self.result.averaged(energies, first, NEAR, top, bottom)
         low, high = self.result.ranges((1,), first, last)
         least, most = self.first.planes.ranges((REACHES[-1],), first, last)
         limits = first, least[0], most[0]
@@ -219,7 +223,7 @@ def _contrasts(top, bottom, first, low, high, out):
 
 
 @kernel
-def _times(start, stop, around, place, rest, times):
+def _times(start, stop, around, place, rest, opacity, times):
     # `times` holds contrasts.
     width = times.shape[1]
     line = np.empty(around.shape[2] + 1, np.float32)
@@ -227,6 +231,9 @@ def _times(start, stop, around, place, rest, times):
     for y in range(start, stop):
         enlarged_row(around, y, place, rest, line, large)
         row, squared, total = times[y], large[0], large[1]
+        if opacity.size > 0:
+            for x in range(width):
+                total[x] *= max(opacity[y, x], np.float32(_FAINT)) ** 2
         for x in range(width):
             s = np.float32(_SQUARED_WIDTH) * squared[x] + np.float32(CELLS)
             contrast = row[x] * row[x] + np.float32(TEXTURE) * total[x]

@@ -59,7 +59,7 @@ def reach_of_wide() -> int:
 def quarter_means(
     count: int, shape: tuple[int, int], energies: Callable[[int, int], Singles]
 ) -> Singles:
-    """Average energies over squares of 4 pixels, smoothed over about 8 pixels.
+    """Average energies over squares of 4 pixels: (count, ceil(h / 4), ceil(w / 4)) float32.
 
     Parameters
     ----------
@@ -69,10 +69,6 @@ def quarter_means(
         The image's.
     energies : callable
         ``energies(top, bottom)`` computes those of some rows: (count, rows, w).
-
-    Returns
-    -------
-    (count, ceil(h / 4), ceil(w / 4)) float32
     """
     small = np.empty((count, *(-(-n // 4) for n in shape)), np.float32)
 
@@ -86,8 +82,8 @@ def quarter_means(
     return small
 
 
-def smoothed_each(planes: Singles) -> Singles:
-    """Smooth planes over 8 of their pixels or so."""
+def smoothed_each(planes: Singles, weighted: bool) -> Singles:
+    """Smooth planes over 8 of their pixels or so; the last are their weights if `weighted`."""
     out = np.empty_like(planes)
 
     def work(start: int, stop: int) -> None:
@@ -95,11 +91,16 @@ def smoothed_each(planes: Singles) -> Singles:
             out[k] = smooth(planes[k], WIDE)
 
     run(work, len(planes), chunk=1)
-    return out
+    return averages(out[:-1], out[-1]) if weighted else out
+
+
+def averages(sums: Singles, weights: Singles) -> Singles:
+    """Divide smoothed values, in place, by their smoothed weights."""
+    return np.divide(sums, weights, out=sums, where=weights > 0)
 
 
 def told_around(
-    small: Singles, floor: float, slopes: tuple[float, float], square: float
+    small: Singles, weighted: bool, floor: float, slopes: tuple[float, float], square: float
 ) -> Singles:
     """Find what networks are told of the surroundings, at a quarter of the image's size.
 
@@ -108,6 +109,8 @@ def told_around(
     small : (9, h, w) float32
         Means of squares of 4 pixels: energies of the bands and of the squared gradients of two
         smoothings, and roots of two energies.
+    weighted : bool
+        Whether all are times the opacity, which comes last.
     floor : float
         Energy that counts as none.
     slopes : (float, float)
@@ -119,11 +122,11 @@ def told_around(
     -------
     (20, h, w) float32
     """
-    wide = smoothed_each(small)
+    wide = smoothed_each(small, weighted)
     largest = np.empty((len(small), *(-(-n // 4) for n in small.shape[1:])), np.float32)
     run(_reduce, len(small), small, largest, chunk=1)
-    region = np.empty_like(small)
-    run(_enlarge, small.shape[1], smoothed_each(largest), *places(small.shape[2]), region,
+    region = np.empty_like(wide)
+    run(_enlarge, small.shape[1], smoothed_each(largest, weighted), *places(small.shape[2]), region,
         chunk=STRIP)  # fmt: skip
     told = np.empty((TOLD_AROUND + 1, *small.shape[1:]), np.float32)
     limits = np.array([_SHARPEST**2, SOFTEST**2] if square == 0 else [square, square], np.float32)
