@@ -2,8 +2,8 @@
 """How well the dials of images find and close borders, beside fixed times and an unsharp mask.
 
 Drawings are made by code, photos are those of scikit-image and of a folder. They are blurred,
-enlarged, compressed and made noisy, and sharpened as what they are measured to be; what comes back is compared with
-what was there.
+enlarged, compressed and made noisy, and sharpened as what they are measured to be; what comes back
+is compared with what was there.
 """
 
 from __future__ import annotations
