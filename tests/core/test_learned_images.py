@@ -11,6 +11,7 @@ from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.color.chunked import counting_reruns
 from shock_filter.core.color.image_sharpening import measure_image
+from shock_filter.core.color.learned import images
 from shock_filter.core.color.learned.planes import Planes
 from shock_filter.core.color.learned.recipe import DEFINITION, STAGES, WEIGHTS
 from shock_filter.core.color.learned.rows import half_log
@@ -21,6 +22,11 @@ from shock_filter.core.mixture.network import load
 from test_images_by_width import blurred, drawing, fidelity, texture
 
 NONE = np.empty(0, np.float32)
+
+
+@pytest.fixture(autouse=True)
+def learned(monkeypatch):
+    monkeypatch.setattr(images, "BY_DEFAULT", True)
 
 
 def as_bytes(image):

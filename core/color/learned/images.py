@@ -20,6 +20,9 @@ from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
 from .surroundings import CELL, STRIP
 
+BY_DEFAULT = True
+"""Whether images are sharpened so unless settings say otherwise."""
+
 _AROUND = gaussian(SIGMAS[-1])
 
 
@@ -28,7 +31,8 @@ def is_learned(settings: ImageSettings, has_guide: bool) -> bool:
 
     Not if a time or What is given, or a guide, or if it is enlarged.
     """
-    return settings.by_width and settings.what == "auto" and settings.enlarge == 1 and not has_guide
+    by_itself = settings.by_width and settings.what == "auto" and settings.enlarge == 1
+    return BY_DEFAULT and by_itself and not has_guide
 
 
 def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
