@@ -67,22 +67,19 @@ def test_a_tiny_denoiser_learns_to_come_nearer_on_a_mesh_it_has_not_seen(tmp_pat
     assert any(line.startswith("white") for line in said)
 
 
-def test_tiny_networks_learn_to_sharpen_pictures_that_they_have_not_seen(tmp_path):
-    counts = {10000: 17, image_examples.WIDELY + 6000: 1}
-    paths = train_images.make_all(counts, tmp_path, 1)
-    assert train_images.make_all(counts, tmp_path, 1) == paths  # made once
-    said = []
-    networks = train_images.train(paths, epochs=6, hidden=(16,), log=said.append)
-    unseen = [path for path in paths if path.stem in ("image_10000", "image_36000")]
-    for stage, name in enumerate(recipe.STAGES):
-        before = [networks[each] for each in recipe.STAGES[:stage]]
-        rows = train_images.joined(
-            [rows for path in unseen for rows in train_images.table(path, before)]
-        )
-        assert rows["aside"].any()
-        spoiled = ~rows["same"]
-        assert train_images.gains(networks[name], rows)[spoiled].mean() > 0.1
-    assert sum("mean gain" in line for line in said) == 2
+def test_shares_are_learned_that_make_up_for_what_is_missing():
+    rng = np.random.default_rng(4)
+    n = 8 * train_images.PIXELS
+    d = rng.normal(0, 10, (n, 2, 3)).astype(np.float32)
+    rows = {
+        "told": rng.normal(size=(n, 3)).astype(np.float32), "differences": d,
+        "missing": 0.5 * d[:, 0], "low": np.full((n, 3), -99, np.float32),
+        "high": np.full((n, 3), 99, np.float32), "weights": np.ones(n, np.float32),
+        "error": np.full(8, 25.0), "same": np.zeros(8, bool),
+    }  # fmt: skip
+    loss = train_images.PictureLoss(rows)
+    network = adam._trained(rows["told"], loss, (8, 2), 200, 0, lambda _: None)
+    assert train_images.gains(network, rows).min() > 5.0
 
 
 def test_pictures_come_from_their_seed():
@@ -93,8 +90,8 @@ def test_pictures_come_from_their_seed():
         np.testing.assert_array_equal(truth, again)
         assert len(spoiled) == 3
         for image, same in spoiled:
-            assert image.dtype == np.uint8
-            assert (image == truth).all() == same
+            assert (image.dtype, image.shape) == (np.uint8, truth.shape)
+            assert not same or (image == truth).all()
     wide = image_examples.example(image_examples.WIDELY + 3)[1][0][0].astype(float)
     assert (
         np.abs(np.diff(wide, axis=1)).mean() < np.abs(np.diff(truth.astype(float), axis=1)).mean()
@@ -110,7 +107,10 @@ def test_slopes_of_shares_are_those_of_the_loss():
         "high": np.full((n, 3), 1.5), "weights": rng.uniform(0.5, 1, n),
         "error": np.array([2.0]), "same": np.array([False]),
     }  # fmt: skip
-    loss, chosen = train_images.PictureLoss({**rows, "told": np.zeros((2048, 1))}), np.arange(6)
+    loss, chosen = (
+        train_images.PictureLoss({**rows, "told": np.zeros((99 * 1024, 1))}),
+        np.arange(6),
+    )
     shares = rng.normal(size=(6, 4)) * 0.3
     held = train_images.HELD * shares / 6
     _, slopes = loss(shares, chosen)
