@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import common
+from denoise_bumps import bumps
 from denoise_distances import distances, flow
 from denoise_images import betas, images, kernels, manifold
 from denoise_kinds import speed_of_kinds
@@ -34,6 +35,7 @@ SECTIONS = {
     "noise": noise,
     "scans": scans,
     "published": published,
+    "bumps": bumps,
     "pictures": pictures,
     "painted": painted,
     "joint": joint,

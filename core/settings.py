@@ -576,6 +576,17 @@ class StitchSettings(DilateSettings):
             "seams": "Those at seams alone: both sides meet there, and all else stays",
         },
     )
+    even_out: str = _setting(
+        "auto",
+        "How charts or pictures that differ are brought together",
+        choices={
+            "auto": "By factors or by differences, whichever explains both sides of the seams"
+            " better",
+            "brightness": "By factors, as exposure and white balance act: black stays black."
+            " Values below 0, and normals, take differences",
+            "difference": "By differences, as in the paper",
+        },
+    )
     seams: str = _changed(DilateSettings, "seams", "continue")
     alpha: str = _alpha()
     content: str = _content_of_vectors()

@@ -286,7 +286,7 @@ MODES: list[Mode] = [
                 "geometry",
                 "Geometry",
                 "Move vertices so that the surface becomes smooth between its creases",
-                dials=("strength", ""),
+                dials=("strength", "bump_size"),
             ),
             Target(
                 "beltrami_vertex_signal",

@@ -22,7 +22,7 @@ from ..mesh.order import is_scattered, sorted_along_curve
 from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..mixture.choice import mixture
 from ..settings import GeometrySettings, given_or_default
-from .candidates import TAKES_SIDES, Candidates, flow_key
+from .candidates import TAKES_SIDES, Candidates
 from .crease_edges import STRONG, Bools, Singles, crease_edges, turns_across
 from .creases import WIDTHS, find_targets, weighed, widths
 
@@ -205,7 +205,7 @@ def _found(
         hidden = kept(mesh, "hidden", (edges,), lambda: ~half_edges_between(mesh, edges)[0])
     with phase(0.0, 0.8, "Finding creases"):
         targets = find_targets(mesh, settings)
-        found, scores = kept(mesh, "weighed", flow_key(settings), lambda: weighed(mesh, settings))
+        found, scores = weighed(mesh, settings)
     with phase(0.8, 0.9, "Tracing creases"):
         turns = turns_across(mesh, targets.normals)
         chosen = crease_edges(mesh, targets.normals, turns, angle, hidden=hidden)

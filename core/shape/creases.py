@@ -141,7 +141,7 @@ def ramp(values: Floats, ends: tuple[float, float]) -> Floats:
 def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     message = "Finding creases"
     with phase(0.0, 0.8, message):
-        found, scores = kept(mesh, "weighed", flow_key(settings), lambda: weighed(mesh, settings))
+        found, scores = weighed(mesh, settings)
     if len(found.rows) == 0:
         none = np.zeros(mesh.face_count)
         return Creases(mesh.normals, none, none.astype(np.float32), 0.0, False)
@@ -167,11 +167,24 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
 
 
 def weighed(mesh: TriangleMesh, settings: GeometrySettings) -> tuple[Candidates, Singles]:
+    """Find the candidates and their scores; what was told is left out, as it is large.
+
+    Where Widest Fillet is given, roundings close that the gate would not let pass: of all faces
+    that something turns, then.
+    """
+    gate = networks()["gate"] if settings.widest_fillet == 0 else None
+    key = (*flow_key(settings), gate is None)
+    return kept(mesh, "weighed", key, lambda: _weighed(mesh, settings, gate))
+
+
+def _weighed(
+    mesh: TriangleMesh, settings: GeometrySettings, gate: Network | None
+) -> tuple[Candidates, Singles]:
     with phase(0.0, 0.9, "Finding creases"):
-        found = find_candidates(mesh, settings, networks()["gate"])
+        found = find_candidates(mesh, settings, gate)
     with phase(0.9, 1.0, "Finding creases"):
         scores = networks()["mixture"].scores(found.told)
-    return found._replace(told=found.told[:0].copy()), scores  # what was told is large
+    return found._replace(told=found.told[:0].copy()), scores
 
 
 def _taken(

@@ -23,6 +23,7 @@ from ..base.parallel import kernel, run
 from ..base.progress import ask, phase
 from ..base.vectors import TIE_BREAKER, cross, dot, edge
 from ..mesh.adjacency import Ints
+from ..mesh.calculus import average_to_faces
 from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ..mixture.cells import MeansAround
 from ..mixture.choice import pair_count, tell_pairs
@@ -84,16 +85,19 @@ _SHRUNK = 1e-9
 _PULL, _ROUNDING = np.float32(0.3), np.float32(1e-6)
 """As in `sides`, in single precision."""
 
-_BUMP_PASSES, _OF_GUIDE = 1.5, 0.1
-"""Averaging passes for bumps one mean edge length wide, which grow with the square of the width;
-and those of the first guide."""
+_BUMP_PASSES, _BY_WIDTH, _FURTHER = 2.0, 1.5, 2.0
+"""Averaging passes for bumps one mean edge length wide; the power of the width with which they
+grow, less than the square, as more relief is as wide; and how many times more follow where there is
+none."""
 
-_BUMP_SPREAD = 0.4
-"""How far apart guides are that count by exp(-1/2), for bumps one mean edge length wide: normals
-turn more slowly the farther they are averaged. Of narrower ones, too."""
+_BUMP_SPREAD = 0.35
+"""How far apart the most even patches are that count by exp(-1/2)."""
 
-_ROUNDS = 3
-"""How often the guide is replaced by what it led to."""
+_LEFT = 0.1
+"""Of the squared turns that the first passes make of bumps, what the further ones make."""
+
+_BUMP_REGION = 4.0
+"""The size of cells in which such squares are averaged, over the width of bumps."""
 
 _PASSES_OF_CREASES, _CRISP = 4, 0.15
 """Passes that round creases or make them crisp; and how far apart the most even patches are that
@@ -200,18 +204,20 @@ def next_smoothings(
 def without_bumps(mesh: TriangleMesh, width: float) -> Floats:
     """Smooth normals so that bumps up to a width, in mean edge lengths, go and creases stay.
 
-    Rolling guidance (Wang et al. 2015): means over a disk as wide as the bumps, among faces whose
-    guides are alike. The first guide is a mean over a smaller disk, each next one what the last one
-    led to, so creases come back.
+    The normals are averaged as far as the bumps are wide, guided by the most even patches, and then
+    farther. Bumps of that width leave a known share of themselves to the further passes. Where
+    these change more, they take relief: so much of it is kept as a Wiener filter keeps.
     """
-    passes = _BUMP_PASSES * width * width
-    spread = _BUMP_SPREAD / max(width, 1.0)
+    passes = _BUMP_PASSES * width**_BY_WIDTH
     faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
-    guide = _averaged(faces, field, None, 0.0, _OF_GUIDE * passes)
-    for done in range(_ROUNDS):
-        with phase(done / _ROUNDS, (done + 1) / _ROUNDS, _MESSAGE):
-            guide = _averaged(faces, field, guide, spread, passes)
-    return guide[:, :3].astype(np.float64)
+    with phase(0.0, 1.0 / (1.0 + _FURTHER), _MESSAGE):
+        near = faces.levelled(field, _BUMP_SPREAD, passes)
+    with phase(1.0 / (1.0 + _FURTHER), 1.0, _MESSAGE):
+        far = faces.levelled(near, _BUMP_SPREAD, _FURTHER * passes)
+    turns = np.stack([_squares(field, near), _squares(near, far)], axis=1)
+    first, further = _regional(mesh, turns, _BUMP_REGION * max(width, 1.0)).T
+    relief = np.maximum(1.0 - _LEFT * first / np.maximum(further, 1e-12), 0.0)
+    return _between(far, near, relief[:, None])[:, :3].astype(np.float64)
 
 
 def with_creases(mesh: TriangleMesh, normals: Floats, keep: float) -> Floats:
@@ -236,11 +242,26 @@ def _averaged(
     return field
 
 
-def _between(one: Singles, other: Singles, share: float) -> Singles:
-    mean = one + np.float32(share) * (other - one)
+def _between(one: Singles, other: Singles, share: float | Floats) -> Singles:
+    mean = one + np.asarray(share, dtype=np.float32) * (other - one)
     length = np.linalg.norm(mean[:, :3], axis=1, keepdims=True)
     mean[:, :3] /= np.maximum(length, np.float32(1e-12))
     return mean
+
+
+def _squares(one: Singles, other: Singles) -> Singles:
+    return ((one[:, :3] - other[:, :3]) ** 2).sum(axis=1)
+
+
+def _regional(mesh: TriangleMesh, signal: Singles, size: float) -> Floats:
+    # Means of values of faces over cells of a size in mean edge lengths.
+    values = np.empty((mesh.vertex_count, signal.shape[1]), dtype=np.float32)
+    run(_average_to_vertices, mesh.vertex_count, *mesh.corners, signal, values)
+    used = np.flatnonzero(np.diff(mesh.corners[0]) > 0)
+    out = np.zeros(values.shape)
+    cells = MeansAround(mesh.scaled_vertices[used], values[used].astype(np.float64), size)
+    out[used] = cells.at(np.arange(len(used)))
+    return average_to_faces(mesh, out)
 
 
 class _Kept:
@@ -300,6 +321,15 @@ class _Faces:
             done += _EACH
             if done in _GUIDED_PASSES:
                 into.keep(field)
+
+    def levelled(self, field: Singles, spread: float, passes: float) -> Singles:
+        """Average a field as in `guided`, by any number of passes."""
+        done = 0
+        while done < passes:
+            left = min(passes - done, _EACH)
+            field = _averaged(self, field, self.even(field), spread, left)
+            done += _EACH
+        return field
 
     def mean(self, field: Singles, guide: Singles | None, spread: float) -> Singles:
         """Average a field; with a guide, among faces where it is alike within the spread."""

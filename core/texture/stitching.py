@@ -23,6 +23,7 @@ from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import StitchSettings, given_or_default
+from .light import differ_by_factors
 from .normal_maps import checked_normals
 from .texels import (
     Texture,
@@ -42,6 +43,9 @@ _TOLERANCE = 1e-4
 
 _UNKNOWN = 1e-6
 """Screening of unknown texels, which have no value; this keeps the matrix definite."""
+
+_FLOOR = 0.01
+"""Share of the mean value that is added before logarithms are taken, as 0 has none."""
 
 _HELD = 1e6
 """Screening of texels that must not change, relative to that of others."""
@@ -123,6 +127,10 @@ def stitch_textures(
     side of an image has the values of its own chart, extrapolated linearly. For equal images, the
     result differs from them by rounding.
 
+    Not in the paper: images that differ by factors, as in another light, are stitched as
+    logarithms, where factors are steps. Whether they differ so is seen at seams, and where two
+    images are known: by whether one factor or one offset leaves less there.
+
     Examples
     --------
     Two pictures of one square, one of which is brighter:
@@ -153,19 +161,17 @@ def stitch_textures(
             texture = Texture(checked_atlas(atlas, mesh, uv, flat[0]), flat[0], alpha)
             texture = normals_of(texture, settings, at_corners)
             texture, values = gathered(texture, settings)
-        with phase(0.3, 0.6, "Comparing texels"):
+        with phase(0.3, 0.5, "Comparing texels"):
             space = TextureSpace(texture.atlas)
             opacity = values[..., alpha].copy()  # the last channel's, if none is opacity
             sources = [
                 _source(space, texture, picture, given, opacity)
                 for picture, given in zip(flat, trust, strict=True)
             ]
-            target = _target_of(space, sources, labels)
-        with phase(0.6, 0.9, "Stitching"):
-            change = _solved(space, target, settings)
+        with phase(0.5, 0.9, "Stitching"):
+            stitched = _stitched(space, sources, labels, settings)
         with phase(0.9, 1.0, "Filling the gutter"):
             result = values.copy()
-            stitched = target.values + change
             if alpha >= 0:
                 column = np.zeros((space.size, 1), dtype=np.float32)
                 column[: opacity.size, 0] = opacity.reshape(-1)
@@ -178,6 +184,53 @@ def stitch_textures(
             # Opacity may rise.
             out = written(texture._replace(alpha=-1), result, settings, keep)
             return out.reshape(given.shape)
+
+
+def _stitched(
+    space: TextureSpace,
+    sources: list[_Source],
+    labels: npt.ArrayLike | None,
+    settings: StitchSettings,
+) -> _Single:
+    # By offsets, or by factors, which are offsets of logarithms.
+    least, floor = _least_and_floor(sources)
+    by = settings.even_out
+    if settings.content != "values" or least < 0 or floor == 0:
+        by = "difference"
+    if by == "auto":
+        by = "brightness" if _differ_by_factors(space, sources, floor) else "difference"
+    if by == "brightness":
+        sources = [_logarithms(source, floor) for source in sources]
+    with phase(0.0, 0.3, "Comparing texels"):
+        target = _target_of(space, sources, labels)
+    with phase(0.3, 1.0, "Stitching"):
+        stitched = target.values + _solved(space, target, settings)
+    return np.maximum(np.exp(stitched) - floor, 0.0) if by == "brightness" else stitched
+
+
+def _differ_by_factors(space: TextureSpace, sources: list[_Source], floor: np.float32) -> bool:
+    flat = [source.values.reshape(-1, source.values.shape[2]) for source in sources]
+    known = [source.confidence[: len(each)] > 0 for source, each in zip(sources, flat, strict=True)]
+    return differ_by_factors(space, flat, [s.corners for s in sources], known, float(floor))
+
+
+def _least_and_floor(sources: list[_Source]) -> tuple[float, np.float32]:
+    # The least known value, and a share of the mean one.
+    least, total, count = np.inf, 0.0, 0
+    for source in sources:
+        known = source.values.reshape(-1, source.values.shape[2])
+        known = known[source.confidence[: len(known)] > 0]
+        least = min(least, float(known.min(initial=np.inf)))
+        total, count = total + float(known.sum(dtype=np.float64)), count + known.size
+    return least, np.float32(_FLOOR * max(total, 0.0) / max(count, 1))
+
+
+def _logarithms(source: _Source, floor: np.float32) -> _Source:
+    # What is unknown may be below 0, and is not looked at.
+    return source._replace(
+        values=np.log(np.maximum(source.values, 0) + floor),
+        corners=np.log(np.maximum(source.corners, 0.0) + floor),
+    )
 
 
 def _target_of(

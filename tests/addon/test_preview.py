@@ -96,6 +96,19 @@ def test_what_is_shown_is_what_the_operator_makes(rounded_box):
     assert shown.tobytes() != before[0]
 
 
+def test_the_wheel_turns_the_bump_size_of_denoising(rounded_box):
+    box = rounded_box()
+    running = begun("denoise")
+    running.roll(2)
+    settle(running)
+    shown = read_positions(box.data)
+    assert running.parameters.bump_size == pytest.approx(0.8)
+    assert "Bump Size 0.8 (wheel)" in running.text()
+    running.end()
+    bpy.ops.shock_filter.denoise(bump_size=0.8)
+    np.testing.assert_array_equal(read_positions(box.data), shown)
+
+
 def test_before_and_after(rounded_box):
     box = rounded_box()
     before = stored(box)

@@ -11,7 +11,14 @@ from shock_filter.core.mesh.calculus import average_to_vertices, smooth_vertices
 from shock_filter.core.mixture.choice import pair_count
 from shock_filter.core.mixture.network import load
 from shock_filter.core.shape.learned import STAGES, WEIGHTS, found_in_stage, networks
-from shock_filter.core.shape.smoothings import DEFINITION, FIRST, NEXT, NEXT_TOLD, TOLD
+from shock_filter.core.shape.smoothings import (
+    DEFINITION,
+    FIRST,
+    NEXT,
+    NEXT_TOLD,
+    TOLD,
+    without_bumps,
+)
 
 EXPECTED = [
     [-0.0041201, -0.0009279, -0.3096947],
@@ -228,6 +235,24 @@ def test_a_bump_size_turns_the_result_evenly():
     assert abs(np.diff(errors)).max() < 0.35 * errors[0]
     near = denoised(mesh, with_bump_size(1e-3)).vertices - denoised(mesh).vertices
     assert np.linalg.norm(near, axis=1).max() < 1e-2 * mesh.mean_edge_length
+
+
+def waves(high):
+    """A sheet, one half with waves of 20 edges, the other flat; clean, and with bumps of 3."""
+    vertices, faces = grid(120, 60)
+    x = vertices[:, 0]
+    vertices[:, 2] += high * np.sin(2 * np.pi * x / 20.0) * (x < 60.0)
+    clean = core.TriangleMesh(vertices, faces)
+    return clean, bumpy(clean, 4, 0.2), vertices[faces][:, :, 0].mean(axis=1)
+
+
+def test_relief_wider_than_the_bumps_stays():
+    clean, mesh, x = waves(2.0)
+    off = angles(without_bumps(mesh, 3.0), clean.normals)
+    before = angles(mesh.normals, clean.normals)
+    wavy, flat = (x > 10) & (x < 50), (x > 70) & (x < 110)
+    assert off[wavy].mean() < 0.75 * before[wavy].mean()
+    assert off[flat].mean() < 0.2 * before[flat].mean()
 
 
 def test_bumps_stay_where_the_mask_is_0():

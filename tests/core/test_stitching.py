@@ -91,7 +91,7 @@ def test_steps_between_labels_of_one_picture_vanish():
     mesh, uv = plain()
     image = np.tile(np.linspace(0.1, 0.5, 32), (32, 1))
     right = np.tile(np.arange(32) >= 16, (32, 1))
-    settings = core.StitchSettings(radius=1e4)
+    settings = core.StitchSettings(radius=1e4, even_out="difference")
     broken = image + 0.4 * right
     result = core.stitch_textures(mesh, uv, broken, settings, labels=7 * right)
     slope = np.diff(result, axis=1)
@@ -139,7 +139,7 @@ def test_a_change_fades_across_faces_without_texels():
     mesh = core.TriangleMesh(np.stack([x[column], n * vertices[:, 1], 0 * column], axis=-1), faces)
     bright = np.tile(np.arange(2 * n) >= n // 2, (n, 1))
     image = np.where(bright, 0.7, 0.3)
-    settings = core.StitchSettings(radius=radius)
+    settings = core.StitchSettings(radius=radius, even_out="difference")
     result = core.stitch_textures(mesh, uv, image, settings, labels=bright.astype(int))
     place = np.arange(2 * n) + 0.5 + np.where(np.arange(2 * n) >= n, gap, 0.0)
     shape = np.cosh((x[-1] - place) / radius)  # u'' = u / radius^2, and u' = 0 at the end
@@ -265,3 +265,58 @@ def test_parts_that_share_an_edge_of_three_sheets_become_one():
     inside = core.TextureAtlas(mesh, uv, size=(64, 64)).inside
     result = core.stitch_textures(mesh, uv, image, core.StitchSettings(radius=1e4))
     assert np.ptp(result[inside]) < 0.02
+
+
+def with_factors(mesh, blocks, image, channels=1):
+    """The image with each chart in another light."""
+    chart = inside_of(mesh, blocks).masks().chart
+    factors = np.random.default_rng(1).uniform(0.6, 1.4, (chart.max() + 1, channels))
+    return np.where((chart >= 0)[..., None], factors[chart], 1.0).astype(np.float32) * image
+
+
+def rms_but_for_one_factor(result, image, inside):
+    ratio = (image[inside] * result[inside]).sum(0) / (result[inside] ** 2).sum(0)
+    return float(np.sqrt(np.mean((ratio * result - image)[inside] ** 2)))
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_charts_in_different_light_become_one_and_black_stays_black(channels):
+    spotted = picture(64)
+    spotted[38:43, 38:43] = 0.0
+    blocks = Blocks(spotted, 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image, inside = blocks.texture(), inside_of(mesh, blocks).inside
+    broken = with_factors(mesh, blocks, image, channels)
+    off = {
+        by: core.stitch_textures(
+            mesh, blocks.uv, broken, core.StitchSettings(radius=1e5, even_out=by)
+        )
+        for by in ("difference", "brightness", "auto")
+    }
+    assert (off["auto"] == off["brightness"]).all()
+    errors = {by: rms_but_for_one_factor(result, image, inside) for by, result in off.items()}
+    assert errors["brightness"] < 0.1 * errors["difference"]
+    black = inside & (image.max(axis=-1) < 1e-6)
+    assert black.any()
+    assert off["brightness"][black].max() < 1 / 255
+    assert off["brightness"].min() >= 0
+
+
+def test_charts_that_differ_by_sums_are_told_from_others():
+    blocks, mesh, image = of_square(64)
+    broken = np.maximum(with_steps(mesh, blocks, image, 0.15), 0.01)
+    auto, summed = (
+        core.stitch_textures(mesh, blocks.uv, broken, core.StitchSettings(even_out=by))
+        for by in ("auto", "difference")
+    )
+    assert (auto == summed).all()
+
+
+def test_values_below_zero_take_differences():
+    mesh, uv = plain()
+    image = picture(32) - 1.0
+    results = [
+        core.stitch_textures(mesh, uv, [image, image + 0.2], core.StitchSettings(even_out=by))
+        for by in ("brightness", "difference")
+    ]
+    assert (results[0] == results[1]).all()

@@ -13,8 +13,16 @@ from itertools import pairwise
 
 import numpy as np
 import scipy.ndimage
-from distances import Floats, Solid, gradient, nearest, norm, placed, truths, turn
-from meshings import EXTENT, marching_cubes, mean_edge, sampled, surface_nets, umbrella
+from distances import Floats, Solid, gradient, greatest, nearest, norm, placed, truths, turn
+from meshings import (
+    EXTENT,
+    marching_cubes,
+    mean_edge,
+    renormalized,
+    sampled,
+    surface_nets,
+    umbrella,
+)
 from scipy.spatial import ConvexHull, Delaunay
 from shock_filter import core
 from solids import KINDS, SHARES, part, smooth, solid, statue
@@ -60,6 +68,8 @@ def remeshed(seed, kinds=None, meshings=None, cells=None, noise=None) -> Example
     d = sampled(shape, n)
     if how == "blurred":
         d = scipy.ndimage.gaussian_filter(d, rng.uniform(0.4, 1.6))
+    elif how == "voxels":
+        d = renormalized(d, h)
     if amount and rng.random() < 0.6:
         x = scipy.ndimage.gaussian_filter(rng.normal(size=d.shape), rng.uniform(0.5, 2.0))
         d, amount = d + amount * h * x / x.std(), 0.0
@@ -286,7 +296,7 @@ def _net(rng, on, base, cells):
     n = int(np.exp(rng.uniform(*np.log(cells))))
     h, q = 2 * EXTENT / (n - 1), turn(rng)
     both = on if base is None else lambda p: np.minimum(on(p), base(p))
-    shape = lambda p: np.maximum(both(p @ q), abs(p).max(1) - 1.38)  # noqa: E731
+    shape = lambda p: np.maximum(both(p @ q), greatest(abs(p)) - 1.38)  # noqa: E731
     d = sampled(shape, n)
     v, f = marching_cubes(d) if rng.random() < 0.3 else surface_nets(d)
     return v * h - EXTENT, f, shape, h, q

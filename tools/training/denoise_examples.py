@@ -19,6 +19,7 @@ from distances import (
     blend,
     cylinder,
     gradient,
+    greatest,
     grown,
     minus,
     nearest,
@@ -145,7 +146,7 @@ def solid(rng, cells: int, waves: bool) -> Solid:
     elif rng.random() < (0.3 if smooth else 0.7 if organic else 0.1):
         shape = _added(shape, _features(rng))
     whole, q = shape, turn(rng)
-    return lambda p: np.maximum(whole(p @ q), abs(p).max(1) - 1.35)
+    return lambda p: np.maximum(whole(p @ q), greatest(abs(p)) - 1.35)
 
 
 def _primitive(rng, size, smooth):

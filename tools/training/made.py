@@ -38,6 +38,30 @@ MAKERS: dict[str, Callable[[int], examples.Example]] = {
         meshings=("crisp", "crisp", "uneven", "softened"),
     ),
     "decimated": examples.decimated,
+    "exact": partial(
+        examples.remeshed,
+        kinds=("profiled", "profiled", "exact"),
+        meshings=("nets", "nets", "nets", "cubes", "blurred", "crisp"),
+    ),
+    "voxels": partial(
+        examples.remeshed,
+        kinds=(
+            "part",
+            "exact",
+            "exact",
+            "profiled",
+            "profiled",
+            "filleted",
+            "filleted",
+            "plinth",
+            "statue",
+            "thin",
+            "smooth",
+            "mixed",
+        ),
+        meshings=("voxels",),
+    ),
+    "subdivided": examples.subdivided,
 }
 """What is learned from, by name."""
 

@@ -11,16 +11,22 @@ from distances import (
     both,
     box,
     bumpy,
+    cut,
     cylinder,
     ellipsoid,
+    extruded,
+    greatest,
     grown,
+    joined,
     minus,
     placed,
     polytope,
     prism,
+    profile,
     round_union,
     torus,
     turn,
+    turned,
     union,
     waved,
 )
@@ -37,7 +43,7 @@ def solid(rng, kind: str, h: float) -> Solid:
         shape = lambda p: whole(p @ q)  # noqa: E731
     # Cuts at the border of the grid are creases, too.
     inside = shape
-    return lambda p: np.maximum(inside(p), abs(p).max(1) - 1.38)
+    return lambda p: np.maximum(inside(p), greatest(abs(p)) - 1.38)
 
 
 def simple(rng, size) -> Solid:
@@ -56,7 +62,7 @@ def simple(rng, size) -> Solid:
     return both(ball((0, 0, -0.3 * a), 1.1 * a), lambda p: -0.4 * a - p[:, 2])
 
 
-def part(rng, count=None) -> Solid:
+def part(rng, count=None, union=union, minus=minus) -> Solid:
     """A machine part: unions and cuts of simple parts, holes, slots, rows."""
     shape = simple(rng, rng.uniform(1.3, 1.9))
     for _ in range(rng.integers(0, 6) if count is None else count):
@@ -179,6 +185,74 @@ def smooth(rng, h) -> Solid:
     return shape
 
 
+def profiled(rng, h) -> Solid:
+    """Wheels with teeth, stepped shafts, combs, channels: crisp, as many edges concave as convex.
+
+    Their distances are true ones, as a remesher of meshes measures them.
+    """
+    kind = rng.integers(0, 5)
+    if kind == 0:
+        shape = turned(profile(_shaft(rng)))
+    else:
+        half = rng.uniform(0.12, 0.7)
+        shape = extruded(profile(_outline(rng, 1.0)), half)
+        for side in (1, -1):
+            if rng.random() < 0.4:
+                shape = joined(shape, _hub(rng, side, half))
+    for _ in range(rng.integers(0, 4)):
+        if rng.random() < 0.5:  # a bore, or a blind hole
+            at = np.array([0, 0, 0]) if rng.random() < 0.5 else rng.uniform(-0.5, 0.5, 3)
+            deep = 3 if rng.random() < 0.6 else rng.uniform(0.1, 0.5)
+            shape = cut(shape, cylinder(at, rng.uniform(0.07, 0.3), deep))
+        else:  # a pocket
+            at, half = rng.uniform(-0.6, 0.6, 3), rng.uniform(0.08, 0.4, 3)
+            shape = cut(shape, box(at, half))
+    return placed(shape, np.zeros(3), np.eye(3)[rng.permutation(3)])
+
+
+def _hub(rng, side, half):
+    # Round or of any outline; it begins inside of a plate, half of which is so thick.
+    radius, high = rng.uniform(0.25, 0.55), half + rng.uniform(0.08, 0.5)
+    flat = profile(_outline(rng, radius))
+    if rng.random() < 0.6:
+        flat = lambda p: np.linalg.norm(p, axis=1) - radius  # noqa: E731
+    return placed(extruded(flat, high / 2), np.array([0, 0, side * high / 2]), np.eye(3))
+
+
+def _outline(rng, size):
+    # A polygon around the origin: teeth, a star, steps.
+    kind = rng.integers(0, 3)
+    if kind == 0:
+        n = int(rng.integers(5, 21))
+        low, shares = rng.uniform(0.6, 0.88), np.sort(rng.uniform(0.0, 0.42, 2))
+        shares = np.array([0, shares[0], shares[1] + 0.1, shares[0] + shares[1] + 0.15])
+        a = (np.arange(n)[:, None] + shares / max(1.0, 1.15 * shares[-1])) * 2 * np.pi / n
+        r = np.array([low, 1, 1, low]) * np.ones((n, 1))
+        a, r = a.reshape(-1), r.reshape(-1)
+    elif kind == 1:
+        n = int(rng.integers(4, 13))
+        a = (np.arange(n) + rng.uniform(-0.3, 0.3, n)) * 2 * np.pi / n
+        r = rng.uniform(0.4, 1.0, n)
+    else:
+        n = int(rng.integers(2, 7))
+        x = np.linspace(-1, 1, n + 1)
+        up, down = rng.uniform(0.1, 0.9, n), -rng.uniform(0.1, 0.9, n)
+        top = np.stack([np.repeat(x, 2)[1:-1], np.repeat(up, 2)], 1)
+        low = np.stack([np.repeat(x, 2)[1:-1], np.repeat(down, 2)], 1)
+        return size * np.concatenate([low, top[::-1]])
+    return size * np.stack([r * np.cos(a), r * np.sin(a)], 1)
+
+
+def _shaft(rng):
+    # Half of a section, of two to six steps, some of them slanted.
+    n = int(rng.integers(2, 7))
+    z = np.concatenate([[-1], np.sort(rng.uniform(-0.9, 0.9, n - 1)), [1]])
+    r = rng.uniform(0.2, 1.0, (n, 1)) * np.ones(2)
+    r += (rng.random((n, 1)) < 0.3) * rng.uniform(-0.15, 0.15, (n, 2))
+    side = np.stack([r.reshape(-1), np.repeat(z, 2)[1:-1]], 1)
+    return np.concatenate([[[-1.0, -1.0]], side, [[-1.0, 1.0]]])
+
+
 def _mixed(rng, h) -> Solid:
     one = placed(part(rng, 1), np.array([-0.45, 0, 0]), np.eye(3))
     return union(one, placed(smooth(rng, h), np.array([0.5, 0.1, 0]), 1.4 * np.eye(3)))
@@ -193,4 +267,6 @@ _MAKE = {
     "thin": thin,
     "smooth": smooth,
     "mixed": _mixed,
+    "profiled": profiled,
+    "exact": lambda rng, h: part(rng, None, joined, cut),
 }

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether charts and pictures differ by factors, as in another light, or by offsets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import Floats
+from ..elements.matrices import TextureSpace
+
+_Single = npt.NDArray[np.float32]
+
+_ALIKE = 0.2
+"""How much counts what remains when all channels have one offset, or one factor."""
+
+_DOUBT = 1.1
+"""Factors may leave more than offsets by so much: they are more usual."""
+
+
+def differ_by_factors(
+    space: TextureSpace,
+    values: Sequence[_Single],
+    corners: Sequence[Floats],
+    known: Sequence[npt.NDArray[np.bool_]],
+    floor: float,
+) -> bool:
+    """Whether a factor explains both sides of each seam, or two pictures, better than an offset.
+
+    What remains is compared in units of the values. Without seams, and places that two pictures
+    know, the answer is yes.
+
+    Parameters
+    ----------
+    space : TextureSpace
+    values : sequence of (n, c) float32
+        Of each picture, at nodes.
+    corners : sequence of (v, c) float64
+        At the corners of the pieces, as their own chart shows them; NaN where nothing is known.
+    known : sequence of (n,) bool
+    floor : float
+        Added before logarithms are taken.
+    """
+    by_offsets = by_factors = 0.0
+    for one, other, group in (*_at_seams(space, corners), *_of_pictures(values, known)):
+        a, b = np.maximum(one, 0.0) + floor, np.maximum(other, 0.0) + floor
+        channels = [(a[:, k], b[:, k], group) for k in range(a.shape[1])]
+        alike = a.T.reshape(-1), b.T.reshape(-1), np.tile(group, a.shape[1])
+        for pairs, weight in (*((each, 1.0) for each in channels), (alike, _ALIKE)):
+            left = _unexplained(*pairs)
+            by_offsets += weight * left[0]
+            by_factors += weight * left[1]
+    return by_factors <= _DOUBT * by_offsets
+
+
+def _unexplained(a: Floats, b: Floats, group: npt.NDArray[np.intp]) -> tuple[float, float]:
+    # What remains when each group has an offset of its own, and a factor.
+    offset = _medians(b - a, np.ones_like(a), group)
+    root = np.exp(0.5 * _medians(np.log(b / a), np.sqrt(a * b), group))
+    return float(np.abs(b - a - offset).sum()), float(np.abs(b / root - a * root).sum())
+
+
+_Pairs = tuple[Floats, Floats, npt.NDArray[np.intp]]
+
+
+def _at_seams(space: TextureSpace, corners: Sequence[Floats]) -> Iterator[_Pairs]:
+    # Values of both sides, and a number for each pair of charts and pictures.
+    pieces, charts = space.cut_cells.pieces, space.atlas.charts
+    chart = np.repeat(charts.labels[pieces.faces], np.diff(pieces.start)).astype(np.int64)
+    count = len(charts.boxes)
+    places, side, found = [], [], []
+    for number, each in enumerate(corners):
+        at = np.flatnonzero(~np.isnan(each[:, 0]) & (chart >= 0))
+        places.append(pieces.points[at])
+        side.append(chart[at] + number * count)
+        found.append(each[at])
+    sides = count * len(corners)
+    key = np.concatenate(places) * sides + np.concatenate(side)
+    key, index, counts = np.unique(key, return_inverse=True, return_counts=True)
+    if len(key) < 2:
+        return
+    columns = np.concatenate(found).T
+    means = np.stack([np.bincount(index, column) / counts for column in columns], axis=1)
+    point, side_of = np.divmod(key, sides)
+    first = np.flatnonzero(point[1:] == point[:-1])
+    group = np.unique(side_of[first] * sides + side_of[first + 1], return_inverse=True)[1]
+    yield means[first], means[first + 1], group
+
+
+def _of_pictures(
+    values: Sequence[_Single], known: Sequence[npt.NDArray[np.bool_]]
+) -> Iterator[_Pairs]:
+    for one, other in combinations(range(len(values)), 2):
+        both = np.flatnonzero(known[one] & known[other])
+        a, b = (values[k][both].astype(np.float64) for k in (one, other))
+        yield a, b, np.zeros(len(both), dtype=np.intp)
+
+
+def _medians(values: Floats, weights: Floats, group: npt.NDArray[np.intp]) -> Floats:
+    # Of the group of each value; a few places where nothing fits do not count.
+    order = np.lexsort((values, group))
+    values, weights, group = values[order], weights[order], group[order]
+    sums = np.cumsum(weights)
+    last = np.flatnonzero(np.diff(group, append=-1))
+    before = np.concatenate([[0.0], sums[last[:-1]]])
+    middle = np.searchsorted(sums, 0.5 * (before + sums[last]))
+    out = np.empty_like(values)
+    out[order] = values[np.minimum(middle, last)][group]
+    return out
