@@ -33,7 +33,7 @@ def sharpen_image(
     known: Measured | None = None,
     guide: npt.ArrayLike | None = None,
 ) -> npt.NDArray:
-    """Sharpen an image: values flow along u = grad(|grad I|^2) / 2 towards the edges.
+    """Sharpen an image; with a time, values flow along u = grad(|grad I|^2) / 2 to the edges.
 
     Parameters
     ----------
@@ -75,9 +75,10 @@ def sharpen_image(
 
     Notes
     -----
-    Paper A, sections 3.2, 3.3 and Appendix A. Besides the image and the result, smoothing the flow
-    needs 8 bytes a pixel, and advection 4; with a width, 4 more, and 4 for each channel. Enlarged
-    images need two copies in floats.
+    Paper A, sections 3.2, 3.3 and Appendix A; the defaults are not in the papers, see
+    `color.learned`. Besides the image and the result, they need about 40 bytes a pixel, and 20 for
+    each channel. With a time, smoothing the flow needs 8 bytes a pixel, and advection 4; with What
+    or a guide, 4 more, and 4 for each channel. Enlarged images need two copies in floats.
 
     Examples
     --------

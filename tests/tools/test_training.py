@@ -35,7 +35,6 @@ def test_the_shipped_denoisers_come_from_these_scripts():
         assert found[name].version == train_denoising.VERSION
 
 
-@pytest.mark.xfail(strict=True, reason="they are those of a trial; the recipe is not in use")
 def test_the_shipped_networks_for_images_come_from_these_scripts():
     found = load(recipe.WEIGHTS, recipe.DEFINITION)
     for name in recipe.STAGES:

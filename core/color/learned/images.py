@@ -20,9 +20,8 @@ from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
 from .surroundings import CELL, STRIP
 
-BY_DEFAULT = False
-"""Whether images are sharpened so unless settings say otherwise: not before the networks come from
-this tree's scripts, and `benchmarks/image_sharpening.py` tells how good they are."""
+BY_DEFAULT = True
+"""Whether images are sharpened so unless settings say otherwise."""
 
 _AROUND = gaussian(SIGMAS[-1])
 
