@@ -75,6 +75,7 @@ def show_charts(obj: bpy.types.Object, colors: photo.Pixels) -> None:
     image = photo.to_blender("Spot", (colors + steps[chart + 1]).astype(np.float32))
     columns, images = [("Charts that differ", obj.data)], [image]
     for label, settings in (("Stitched", {}), ("Even Out Charts", {"radius": 1000.0})):
+        settings["even_out"] = "difference"
         columns.append((label, obj.data.copy()))
         images.append(stitched(image, **settings))
     draw("charts", columns, images)
