@@ -30,8 +30,8 @@ def differ_by_factors(
 ) -> bool:
     """Whether a factor explains both sides of each seam, or two pictures, better than an offset.
 
-    What remains is compared in units of the values. Without seams, and places that two pictures
-    know, the answer is yes.
+    What remains is compared in units of the values. Where nothing differs, or there are neither
+    seams nor places that two pictures know, the answer is no.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def differ_by_factors(
             left = _unexplained(*pairs)
             by_offsets += weight * left[0]
             by_factors += weight * left[1]
-    return by_factors <= _DOUBT * by_offsets
+    return by_factors <= _DOUBT * by_offsets and by_offsets > 0
 
 
 def _unexplained(a: Floats, b: Floats, group: npt.NDArray[np.intp]) -> tuple[float, float]:
