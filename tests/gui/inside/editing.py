@@ -34,7 +34,8 @@ from harness import (
 def scenario() -> Steps:
     """Go through them, always with the same object and undoing each."""
     scene.clear()
-    scene.add_monkey("Monkey", 2)
+    scene.add_remeshed_part("Part")
+    scene.paint(bpy.context.object)
     scene.look()
     yield from open_tab()
     yield from park()
@@ -219,5 +220,5 @@ def from_menu() -> Steps:
 
 def state() -> dict[str, str]:
     """Return the mode and what may change in it."""
-    mode = bpy.data.objects["Monkey"].mode
-    return {"mode": mode, "positions": positions("Monkey"), "colors": colors("Monkey")}
+    mode = bpy.data.objects["Part"].mode
+    return {"mode": mode, "positions": positions("Part"), "colors": colors("Part")}

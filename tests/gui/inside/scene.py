@@ -36,13 +36,18 @@ def add_monkey(name: str, levels: int) -> bpy.types.Object:
     monkey.name = name
     monkey.modifiers.new("Finer", "SUBSURF").levels = levels
     bpy.ops.object.modifier_apply(modifier="Finer")
-    mesh = monkey.data
+    paint(monkey)
+    return monkey
+
+
+def paint(obj: bpy.types.Object) -> None:
+    """Paint the vertices of an object in soft bands."""
+    mesh = obj.data
     points = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", points)
-    paint = mesh.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
-    paint.data.foreach_set("color", bands(points.reshape(-1, 3)).ravel())
-    mesh.color_attributes.active_color = paint
-    return monkey
+    colors = mesh.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    colors.data.foreach_set("color", bands(points.reshape(-1, 3)).ravel())
+    mesh.color_attributes.active_color = colors
 
 
 def add_remeshed_part(name: str) -> None:
