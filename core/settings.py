@@ -310,10 +310,14 @@ WIDTH_OF_SIGMA = 2.5631
 _DRAWING = "Flat areas with clean borders, such as masks, cel shading, logos and painted color"
 _PHOTO = "Detail and grain count as much as borders: half as strong, and detail is raised, too"
 _AUTO = "Measure which of these the picture is"
+_BY_PIXELS = (
+    "Decide pixel by pixel, as was learned from made pictures; with Enlarge or a guide, measure"
+    " which of these the picture is"
+)
 
 
-def _what(default: str, *choices: str) -> Any:
-    about = {"auto": _AUTO, "drawing": _DRAWING, "photo": _PHOTO}
+def _what(default: str, *choices: str, auto: str = _AUTO) -> Any:
+    about = {"auto": auto, "drawing": _DRAWING, "photo": _PHOTO}
     return _setting(
         default,
         "What is sharpened, which says how strongly",
@@ -418,7 +422,7 @@ class ImageSettings(ShockSettings):
     time: float = _changed(
         ShockSettings, "time", BY_WIDTH, unit="flow time in pixels", counts_in="pixels"
     )
-    what: str = _what("auto")
+    what: str = _what("auto", auto=_BY_PIXELS)
     width: float = _changed(ShockSettings, "width", 0.0, unit="pixels", counts_in="pixels")
     enlarge: int = _setting(
         1,

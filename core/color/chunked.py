@@ -6,9 +6,9 @@ filtered together with its halo, the pixels around it that influence it. The len
 is not known in advance: if one leaves the halo, the chunk runs again with a halo twice as wide, at
 last with the whole image; `counting_reruns` counts this.
 
-What and Width depend on the whole image. They are measured when the function is called, in windows
-all over the image; everything else is computed with the result, so that no chunk stays in memory in
-between.
+What, Width and how much detail there is depend on the whole image. They are measured when the
+function is called, in windows all over the image; everything else is computed with the result, so
+that no chunk stays in memory in between.
 
 Only the functions here import dask.
 """
@@ -43,10 +43,20 @@ from ..grid.potential import flow_reach
 from ..settings import BeltramiSettings, ImageSettings
 from .by_width.dials import tell_widths
 from .by_width.images import reach_by_width
-from .by_width.measuring import Measured, measured
+from .by_width.measuring import Measured
 from .guides import check_guide, checked_guide
 from .image_smoothing import smoothed_image
-from .image_steps import LARGEST, large_pixels, measured_each, opacity_in_range, sharpen_checked
+from .image_steps import (
+    LARGEST,
+    large_pixels,
+    measured_each,
+    measured_whole,
+    opacity_in_range,
+    sharpen_checked,
+)
+from .learned.images import is_learned
+from .learned.recipe import reach
+from .learned.surroundings import CELL
 from .pde import check_kind, evolved
 
 log = logging.getLogger(__name__)
@@ -56,6 +66,7 @@ Dask = Any
 
 _ENLARGED = 2  # pixels around one that count where an image is enlarged
 _WALK = 8  # pixels that flow-lines may go, at least, before a chunk runs again
+_LEARNED_WALK = 24
 _LONG_WALK = 64
 
 _counted: ContextVar[list[Dask] | None] = ContextVar("shock_filter_reruns", default=None)
@@ -112,7 +123,7 @@ def sharpen_chunks(
     else:
         if settings.by_width and not settings.is_neutral:
             found = _measured(pixels, lead, settings, known)
-        margin, halo = _reach_of_sharpening(settings, found)
+        margin, halo = _reach_of_sharpening(settings, found, lead is not None)
     function = partial(
         _sharpen_part,
         settings=settings,
@@ -128,7 +139,7 @@ def measure_chunks(image: Dask, settings: ImageSettings) -> Measured:
     """Measure a dask array as `measure_image` does."""
     view: Any = _View(_checked_picture(image), settings)
     channels = channel_groups(view.shape[2], settings)[0]
-    return measured(view, channels, settings, enlarge=settings.enlarge)
+    return measured_whole(view, channels, settings)
 
 
 def smooth_chunks(image: Dask, settings: BeltramiSettings, mask: npt.ArrayLike | None) -> Dask:
@@ -235,10 +246,15 @@ def _measured(
 # ------------------------------------------------------------------------------------- parts
 
 
-def _reach_of_sharpening(settings: ImageSettings, found: Sequence[Measured]) -> tuple[int, int]:
+def _reach_of_sharpening(
+    settings: ImageSettings, found: Sequence[Measured], has_guide: bool
+) -> tuple[int, int]:
     # The margin where the flow is not known, and the halo, in pixels of the result.
     if settings.is_neutral:
         margin = around = walk = 0
+    elif is_learned(settings, has_guide):
+        margin, moved = reach(settings.smoothing_passes)
+        around, walk = 0, moved + _LEARNED_WALK + CELL  # where squares of pixels begin
     elif settings.by_width:
         margin, around = np.max([reach_by_width(each, settings) for each in found], axis=0)
         walk = _WALK + math.ceil(2.0 * max(each.width for each in found))
@@ -306,6 +322,7 @@ class _Wanted(NamedTuple):
             slice(self.top - rows.start, self.bottom - rows.start),
             slice(self.left - columns.start, self.right - columns.start),
             (rows.start > 0, rows.stop < shape[0], columns.start > 0, columns.stop < shape[1]),
+            origin=(rows.start, columns.start),
         )
 
 

@@ -17,9 +17,9 @@ from ..base.progress import ProgressCallback, reporting
 from ..errors import InvalidSettings
 from ..grid.channels import channel_groups
 from ..settings import ImageSettings, given_or_default
-from .by_width.measuring import Measured, measured
+from .by_width.measuring import Measured
 from .guides import checked_guide
-from .image_steps import LARGEST, large_pixels, opacity_in_range, sharpen_checked
+from .image_steps import LARGEST, large_pixels, measured_whole, opacity_in_range, sharpen_checked
 
 
 @by_keyword
@@ -33,7 +33,7 @@ def sharpen_image(
     known: Measured | None = None,
     guide: npt.ArrayLike | None = None,
 ) -> npt.NDArray:
-    """Sharpen an image: values flow along u = grad(|grad I|^2) / 2 towards the edges.
+    """Sharpen an image; with a time, values flow along u = grad(|grad I|^2) / 2 to the edges.
 
     Parameters
     ----------
@@ -60,7 +60,8 @@ def sharpen_image(
         `ImageSettings.enlarge` times as high and wide. Each value is within the range of the input
         near it. A time of 0 returns the input bit for bit, or enlarged by a cubic; opacity (see
         `ImageSettings.alpha`) always stays. A dask array gives a dask array, computed later chunk
-        by chunk, with the same bits; What and Width are measured at once. See `color.chunked`.
+        by chunk, with the same bits; what counts of the whole is measured at once. See
+        `color.chunked`.
 
     Raises
     ------
@@ -74,9 +75,10 @@ def sharpen_image(
 
     Notes
     -----
-    Paper A, sections 3.2, 3.3 and Appendix A. Besides the image and the result, smoothing the flow
-    needs 8 bytes a pixel, and advection 4; with a width, 4 more, and 4 for each channel. Enlarged
-    images need two copies in floats.
+    Paper A, sections 3.2, 3.3 and Appendix A; the defaults are not in the papers, see
+    `color.learned`. Besides the image and the result, they need about 40 bytes a pixel, and 20 for
+    each channel. With a time, smoothing the flow needs 8 bytes a pixel, and advection 4; with What
+    or a guide, 4 more, and 4 for each channel. Enlarged images need two copies in floats.
 
     Examples
     --------
@@ -148,4 +150,4 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
         pixels = large_pixels(pixels, settings)
     channels = channel_groups(pixels.shape[2], settings)[0]
     pixels = opacity_in_range(pixels, channels.alpha)
-    return measured(pixels, channels, settings, enlarge=settings.enlarge)
+    return measured_whole(pixels, channels, settings)

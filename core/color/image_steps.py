@@ -25,6 +25,12 @@ from .by_width.domain import flow_for_time
 from .by_width.grid_domain import GridDomain
 from .by_width.images import follow_pixels_by_width, sharpen_pixels_by_width
 from .by_width.measuring import Measured, measured
+from .learned.images import (
+    is_learned,
+    measured_for_learned,
+    sharpen_pixels_learned,
+    with_detail,
+)
 
 LARGEST = 1e15
 """Beyond, squares of what borders are measured by leave the range of float32."""
@@ -116,6 +122,14 @@ def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArra
     return weights if amount == 1.0 else weights * amount
 
 
+def measured_whole(pixels: npt.NDArray, channels: Channels, settings: ImageSettings) -> Measured:
+    """Measure all that may count when some channels of an image are sharpened."""
+    found = measured(pixels, channels, settings, enlarge=settings.enlarge)
+    if is_learned(settings, False):
+        return with_detail(found, pixels, channels)
+    return found
+
+
 def measured_each(
     pixels: npt.NDArray,
     lead: npt.NDArray | None,
@@ -129,6 +143,8 @@ def measured_each(
     scale = SCALES[pixels.dtype.name]
     if lead is None:
         groups = channel_groups(pixels.shape[2], settings)
+        if is_learned(settings, False):
+            return tuple(known or measured_for_learned(pixels, each, settings) for each in groups)
         return tuple(
             known or measured(pixels, channels, settings, enlarge=settings.enlarge)
             for channels in groups
@@ -173,12 +189,15 @@ def _sharpen_into(
                 found = measured_each(pixels, lead, settings, known)
             else:
                 found = known
+    learned = is_learned(settings, lead is not None)
     if lead is not None:
         _follow_into(widened, pixels, lead, settings, found, part)
         groups = []
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
-            if settings.by_width:
+            if learned:
+                sharpen_pixels_learned(pixels, channels, settings, widened, found[number], part)
+            elif settings.by_width:
                 sharpen_pixels_by_width(pixels, channels, settings, widened, found[number], part)
             else:
                 _flow_into(widened, pixels, channels, pixels, channels, settings, part)

@@ -63,6 +63,8 @@ class Borders(NamedTuple):
     spread : float
         Ratio of the widths of the widest and the narrowest quarter of the strong borders, in which
         a pixel more or less counts little.
+    detail : float
+        Mean square of what a smoothing takes away, in the image's range; 0 where it is not needed.
     """
 
     width: float = 0.0
@@ -70,6 +72,7 @@ class Borders(NamedTuple):
     noise: float = 0.0
     contrast: float = 0.0
     spread: float = math.inf
+    detail: float = 0.0
 
 
 def measure_borders(
@@ -101,6 +104,12 @@ def measure_borders(
         more = _spread_out(tiles, _ALL_TILES)
         found = _measure_tiles(image, scale, channels, inside, more)
     return found
+
+
+def windows_to_measure(shape: tuple[int, ...]) -> list[tuple[slice, slice]]:
+    """Return rows and columns of windows that are spread all over an image."""
+    tiles = _spread_out(_tiles(shape, None), _MOST_TILES)
+    return [(slice(top, bottom), slice(left, right)) for top, bottom, left, right in tiles]
 
 
 def is_drawing(

@@ -30,6 +30,8 @@ class Part(NamedTuple):
         Whether the picture continues above, below, to the left and to the right.
     margin : int
         Width of the zone along these sides where the flow is not known.
+    origin : (int, int)
+        The picture's row and column that the part begins with.
     """
 
     shape: tuple[int, int]
@@ -37,6 +39,7 @@ class Part(NamedTuple):
     columns: slice
     cut: tuple[bool, bool, bool, bool] = (False, False, False, False)
     margin: int = 0
+    origin: tuple[int, int] = (0, 0)
 
     @classmethod
     def whole(cls, shape: tuple[int, ...]) -> Part:
@@ -58,7 +61,26 @@ class Part(NamedTuple):
             slice(times * each.start, times * each.stop) for each in (self.rows, self.columns)
         )
         shape = times * self.shape[0], times * self.shape[1]
-        return Part(shape, rows, columns, self.cut, times * self.margin)
+        origin = times * self.origin[0], times * self.origin[1]
+        return Part(shape, rows, columns, self.cut, times * self.margin, origin)
+
+    def wider(self, distance: int) -> Part:
+        """Return the same part, of which the pixels within a distance are wanted, too."""
+        rows, columns = (
+            slice(max(each.start - distance, 0), min(each.stop + distance, length))
+            for each, length in zip((self.rows, self.columns), self.shape, strict=True)
+        )
+        return self._replace(rows=rows, columns=columns)
+
+    def begun_at(self, multiple: int) -> Part:
+        """Return the same part without what lies before multiples of rows and columns."""
+        top, left = (-n % multiple for n in self.origin)
+        return self._replace(
+            shape=(self.shape[0] - top, self.shape[1] - left),
+            rows=slice(self.rows.start - top, self.rows.stop - top),
+            columns=slice(self.columns.start - left, self.columns.stop - left),
+            origin=(self.origin[0] + top, self.origin[1] + left),
+        )
 
     def window(self) -> Window:
         """Return the part as kernels need it."""

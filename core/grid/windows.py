@@ -34,25 +34,41 @@ def _mirrored(i, n):
 
 
 @kernel
-def smooth(plane, weights):
-    """Smooth a plane, mirrored at its borders: (h, w) -> (h, w)."""
-    height, width = plane.shape
+def smooth_rows(plane, first, height, weights, top, out):
+    """Smooth some rows of a plane, mirrored at its borders.
+
+    Parameters
+    ----------
+    plane : (n, w) float32
+        Rows of the plane from `first` on: those of the result, and as many around as weights reach.
+    first, height : int
+        Which row of the plane is the first one here, and how many it has in all.
+    weights : (k,) float32
+    top : int
+        The first row of the result.
+    out : (m, w) float32
+    """
+    width = plane.shape[1]
     reach = weights.size - 1
-    out = np.empty((height, width), np.float32)
     wide = np.empty(width + 2 * reach, np.float32)
     row = np.empty(width, np.float32)
-    for y in range(height):
+    for number in range(len(out)):
+        y = top + number
+        middle = plane[y - first]
         for x in range(width):
-            row[x] = weights[0] * plane[y, x]
+            row[x] = weights[0] * middle[x]
         for k in range(1, reach + 1):
-            up = plane[_mirrored(y - k, height)]
-            down = plane[_mirrored(y + k, height)]
+            up = plane[_mirrored(y - k, height) - first]
+            down = plane[_mirrored(y + k, height) - first]
             weight = weights[k]
             for x in range(width):
                 row[x] += weight * (up[x] + down[x])
-        for x in range(-reach, width + reach):
-            wide[x + reach] = row[_mirrored(x, width)]
-        line = out[y]
+        for x in range(width):
+            wide[x + reach] = row[x]
+        for x in range(reach):
+            wide[x] = row[_mirrored(x - reach, width)]
+            wide[width + reach + x] = row[_mirrored(width + x, width)]
+        line = out[number]
         for x in range(width):
             line[x] = weights[0] * wide[x + reach]
         for k in range(1, reach + 1):
@@ -61,6 +77,13 @@ def smooth(plane, weights):
             after = wide[reach + k : reach + k + width]
             for x in range(width):
                 line[x] += weight * (before[x] + after[x])
+
+
+@kernel
+def smooth(plane, weights):
+    """Smooth a plane, mirrored at its borders: (h, w) -> (h, w)."""
+    out = np.empty(plane.shape, np.float32)
+    smooth_rows(plane, 0, len(plane), weights, 0, out)
     return out
 
 

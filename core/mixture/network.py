@@ -56,6 +56,19 @@ class Network:
             rows = out
         return rows
 
+    def of_columns(self, told: Singles) -> Singles:
+        """Return the last layer's values of what lies in columns: (inputs, n) -> (outputs, n).
+
+        For some thousand columns at once, on one thread. Each has the same bits whatever others
+        there are; these may differ in the last places from those of `scores`.
+        """
+        columns = told
+        for i, (weights, shift) in enumerate(zip(self.weights, self.shifts, strict=True)):
+            out = np.empty((len(shift), columns.shape[1]), dtype=np.float32)
+            _layer_of_columns(columns, weights, shift, i + 1 == len(self.weights), out)
+            columns = out
+        return columns
+
 
 def digest(*texts: str) -> str:
     """Sum up texts in 16 letters."""
@@ -129,3 +142,54 @@ def _layer(start, stop, rows, weights, shift, last, out):
         if not last:
             for j in range(outputs):
                 y[j] = max(y[j], np.float32(0))
+
+
+@kernel
+def _add_input(column, weight, out):
+    for n in range(len(out)):
+        out[n] += weight * column[n]
+
+
+@kernel
+def _layer_of_columns(columns, weights, shift, last, out):
+    # Four inputs and four outputs at a time; the loops along columns become code for vectors.
+    inputs, outputs = weights.shape
+    count = columns.shape[1]
+    least = np.float32(-np.inf) if last else np.float32(0)
+    k = 0
+    while k + 4 <= outputs:
+        a, b, c, d = out[k], out[k + 1], out[k + 2], out[k + 3]
+        a[:], b[:], c[:], d[:] = shift[k], shift[k + 1], shift[k + 2], shift[k + 3]
+        i = 0
+        while i + 4 <= inputs:
+            p, q, r, s = columns[i], columns[i + 1], columns[i + 2], columns[i + 3]
+            pa, pb, pc, pd = weights[i, k], weights[i, k + 1], weights[i, k + 2], weights[i, k + 3]
+            i += 1
+            qa, qb, qc, qd = weights[i, k], weights[i, k + 1], weights[i, k + 2], weights[i, k + 3]
+            i += 1
+            ra, rb, rc, rd = weights[i, k], weights[i, k + 1], weights[i, k + 2], weights[i, k + 3]
+            i += 1
+            sa, sb, sc, sd = weights[i, k], weights[i, k + 1], weights[i, k + 2], weights[i, k + 3]
+            i += 1
+            for n in range(count):
+                u, v, x, y = p[n], q[n], r[n], s[n]
+                a[n] += (pa * u + qa * v) + (ra * x + sa * y)
+                b[n] += (pb * u + qb * v) + (rb * x + sb * y)
+                c[n] += (pc * u + qc * v) + (rc * x + sc * y)
+                d[n] += (pd * u + qd * v) + (rd * x + sd * y)
+        while i < inputs:
+            _add_input(columns[i], weights[i, k], a)
+            _add_input(columns[i], weights[i, k + 1], b)
+            _add_input(columns[i], weights[i, k + 2], c)
+            _add_input(columns[i], weights[i, k + 3], d)
+            i += 1
+        k += 4
+    while k < outputs:
+        out[k, :] = shift[k]
+        for i in range(inputs):
+            _add_input(columns[i], weights[i, k], out[k])
+        k += 1
+    for k in range(outputs):
+        row = out[k]
+        for n in range(count):
+            row[n] = max(row[n], least)

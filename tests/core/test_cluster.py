@@ -452,7 +452,7 @@ class pressing_ctrl_c_when:
 @pytest.mark.skipif(sys.platform == "win32", reason="has no groups of processes")
 def test_ctrl_c_on_a_terminal_reaches_local_workers_too_and_leaves_nothing(folder):
     draw("a", "b", "endless 1", "endless 2", "z")
-    words = ["sharpen-image", "in/*.png", "out/", "--cluster", "local", "--quiet"]
+    words = ["sharpen-image", "in/*.png", "out/", "--time=4", "--cluster", "local", "--quiet"]
     process = subprocess.Popen(
         [sys.executable, "-m", "shock_filter.core.cli", *words],
         env={**environment(), "DASK_DISTRIBUTED__WORKER__PRELOAD": PRELOAD},

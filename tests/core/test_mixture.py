@@ -46,6 +46,17 @@ def test_a_row_has_the_same_bits_among_others_and_on_any_number_of_threads(monke
     assert (network.scores(told) == scores).all()
 
 
+@pytest.mark.parametrize("sizes", [(13, 10, 6, 4), (55, 56, 40, 8), (4, 5), (3, 2, 7)])
+def test_columns_have_the_scores_of_rows_and_the_same_bits_among_others(sizes):
+    rng = np.random.default_rng(7)
+    network, told = some_network(rng, sizes), rng.normal(size=(333, sizes[0])).astype(np.float32)
+    columns = network.of_columns(np.ascontiguousarray(told.T))
+    np.testing.assert_allclose(columns.T, network.scores(told), rtol=1e-4, atol=1e-3)
+    order = rng.permutation(333)[:57]
+    some = network.of_columns(np.ascontiguousarray(told[order].T))
+    assert (some == columns[:, order]).all()
+
+
 def test_networks_come_back_from_disk_and_only_for_their_own_meaning(tmp_path):
     rng = np.random.default_rng(2)
     networks = {"one": some_network(rng), "two": some_network(rng, (3, 2))}

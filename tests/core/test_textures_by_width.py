@@ -32,7 +32,7 @@ def rms(difference):
     {"what": "photo", "width": 4.0},
     {"what": "drawing", "width": 4.0, "channels": "luminance"},
     {"what": "photo", "width": 10.0, "channels": "independent"},
-    {},
+    {"what": "drawing"},
 ])  # fmt: skip
 def test_one_flat_chart_is_an_image(settings):
     image = painted()

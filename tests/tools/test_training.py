@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The training of networks, on a few solids, and that the shipped one comes from these scripts."""
+"""Networks are trained, on a few examples, and the shipped ones come from these scripts."""
 
 from functools import partial
 
 import adam
 import crease_examples
 import denoise_examples
+import image_examples
 import made
 import numpy as np
 import pytest
 import train_creases
 import train_denoising
+import train_images
 from distances import box, truths
 from meshings import EXTENT, sampled, surface_nets
+from shock_filter.core.color.learned import recipe
 from shock_filter.core.mixture.network import load
 from shock_filter.core.shape import learned, smoothings
 from shock_filter.core.shape.candidates import DEFINITION
@@ -32,9 +35,16 @@ def test_the_shipped_denoisers_come_from_these_scripts():
         assert found[name].version == train_denoising.VERSION
 
 
+def test_the_shipped_networks_for_images_come_from_these_scripts():
+    found = load(recipe.WEIGHTS, recipe.DEFINITION)
+    for name in recipe.STAGES:
+        assert found[name].made_of == train_images.made_of()
+        assert found[name].version == train_images.VERSION
+
+
 def test_digests_are_of_the_scripts_that_are_named_and_no_others():
     here = train_denoising.HERE
-    for module in (train_creases, train_denoising):
+    for module in (train_creases, train_denoising, train_images):
         assert all((here / name).exists() for name in module.MADE_OF)
     assert "denoise_examples.py" not in train_creases.MADE_OF
     assert train_creases.made_of() != train_denoising.made_of()
@@ -54,6 +64,63 @@ def test_a_tiny_denoiser_learns_to_come_nearer_on_a_mesh_it_has_not_seen(tmp_pat
     after = train_denoising.table(paths[0], [networks["first"]])
     assert train_denoising.errors(networks["next"], after)[1].mean() < 1.05 * new.mean()
     assert any(line.startswith("white") for line in said)
+
+
+def test_shares_are_learned_that_make_up_for_what_is_missing():
+    rng = np.random.default_rng(4)
+    n = 8 * train_images.PIXELS
+    d = rng.normal(0, 10, (n, 2, 3)).astype(np.float32)
+    rows = {
+        "told": rng.normal(size=(n, 3)).astype(np.float32), "differences": d,
+        "missing": 0.5 * d[:, 0], "low": np.full((n, 3), -99, np.float32),
+        "high": np.full((n, 3), 99, np.float32), "weights": np.ones(n, np.float32),
+        "error": np.full(8, 25.0), "same": np.zeros(8, bool),
+    }  # fmt: skip
+    loss = train_images.PictureLoss(rows)
+    network = adam._trained(rows["told"], loss, (8, 2), 200, 0, lambda _: None)
+    assert train_images.gains(network, rows).min() > 5.0
+
+
+def test_pictures_come_from_their_seed():
+    for seed in (10003, image_examples.WIDELY + 3):
+        truth, spoiled = image_examples.example(seed)
+        again, _ = image_examples.example(seed)
+        assert truth.shape == (image_examples.SIZE, image_examples.SIZE, 3)
+        np.testing.assert_array_equal(truth, again)
+        assert len(spoiled) == 3
+        for image, same in spoiled:
+            assert (image.dtype, image.shape) == (np.uint8, truth.shape)
+            assert not same or (image == truth).all()
+    wide = image_examples.example(image_examples.WIDELY + 3)[1][0][0].astype(float)
+    assert (
+        np.abs(np.diff(wide, axis=1)).mean() < np.abs(np.diff(truth.astype(float), axis=1)).mean()
+    )
+
+
+def test_slopes_of_shares_are_those_of_the_loss():
+    rng = np.random.default_rng(3)
+    n = train_images.PIXELS
+    rows = {
+        "told": np.zeros((n, 1)), "differences": rng.normal(size=(n, 4, 3)),
+        "missing": rng.normal(size=(n, 3)), "low": np.full((n, 3), -1.5),
+        "high": np.full((n, 3), 1.5), "weights": rng.uniform(0.5, 1, n),
+        "error": np.array([2.0]), "same": np.array([False]),
+    }  # fmt: skip
+    loss, chosen = (
+        train_images.PictureLoss({**rows, "told": np.zeros((99 * 1024, 1))}),
+        np.arange(6),
+    )
+    shares = rng.normal(size=(6, 4)) * 0.3
+    held = train_images.HELD * shares / 6
+    _, slopes = loss(shares, chosen)
+    for at in ((0, 1), (3, 2), (5, 0)):
+        shares[at] += 1e-6
+        above = loss(shares, chosen)[0]
+        shares[at] -= 2e-6
+        below = loss(shares, chosen)[0]
+        shares[at] += 1e-6
+        slope = (above - below) / 2e-6 / 6
+        assert slopes[at] - held[at] == pytest.approx(slope, rel=1e-3, abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", [*denoise_examples.KINDS, None])

@@ -33,6 +33,11 @@ class Measured(NamedTuple):
     borders: Borders
 
 
+def scale_of(pixels: npt.NDArray) -> float:
+    """Return the factor that brings an image's values to [0, 1]."""
+    return SCALES[pixels.dtype.name]
+
+
 def measured(
     pixels: npt.NDArray,
     channels: Channels,
@@ -53,7 +58,7 @@ def measured(
     inside : (h, w) bool, optional
         Texels to measure.
     """
-    scale = SCALES[pixels.dtype.name]
+    scale = scale_of(pixels)
     borders = measure_borders(pixels, scale, channels, inside=inside)
     what = settings.what
     if what == "auto":
@@ -74,6 +79,6 @@ def tell_closed(
     width = None
     if found.width > 0:
         with aside("Measuring borders"):
-            scale = SCALES[result.dtype.name]
+            scale = scale_of(result)
             width = measure_borders(result, scale, channels, inside=inside, roughly=True).width
     tell_widths(unit, found.borders.width, found.borders.number, width)

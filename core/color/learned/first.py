@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The first stage: differences of smoothings, and unsharp masks that stay within the local range.
+
+Networks are told neither directions nor colors nor how bright an image is: only energies compared
+with those around, products of differences, and places within ranges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.parallel import kernel
+from ...grid.windows import gaussian
+from .planes import Planes, Singles
+from .rows import (
+    add_slopes,
+    add_square,
+    add_squared_difference,
+    multiply,
+    put_difference,
+    put_logs,
+    scales_of,
+    tell_products,
+    tell_range,
+)
+from .surroundings import (
+    BANDS,
+    POOLED,
+    TOLD_AROUND,
+    TOTAL,
+    enlarged_row,
+    places,
+    quarter_means,
+    told_around,
+)
+
+SIGMAS = 0.6, 1.0, 1.6, 2.6, 4.5
+"""Of the smoothings."""
+
+SLOPES = 0, 2
+"""The smoothings whose gradients are compared."""
+
+REACHES = 1, 2, 7
+"""Of the windows of least and greatest values; results stay within the last."""
+
+MASKS = (1, 2.0), (2, 3.0), (3, 4.0)
+"""Which smoothing each unsharp mask takes the difference to, and how many times; each is kept
+within the window of the same number."""
+
+DIFFERENCES = BANDS + len(MASKS)
+"""That the first network gives shares."""
+
+TOLD = (TOLD_AROUND + POOLED + BANDS * (BANDS + 1) // 2 + 3 * len(REACHES) + len(MASKS)
+        + len(SLOPES))  # fmt: skip
+"""Numbers that it is told of each pixel."""
+
+NEAR = gaussian(1.8)
+"""Weights of the smoothing of energies nearby."""
+
+_WEIGHTS = [gaussian(sigma) for sigma in SIGMAS]
+
+HALO = max(len(NEAR), REACHES[-1] + 1)
+"""Rows around a strip whose smoothings are needed: energies nearby, whose slopes need one more."""
+
+REACH = HALO + len(_WEIGHTS[-1])
+"""Radius in pixels within which an image affects energies nearby."""
+
+
+class First:
+    """The first stage for an image, of which strips are computed when they are asked for.
+
+    Parameters
+    ----------
+    planes : Planes
+    floor : float
+        Energy that counts as none.
+    square : float
+        Squared width of borders, as a Gaussian's sigma; 0 measures it everywhere.
+    """
+
+    told, differences = TOLD, DIFFERENCES
+
+    def __init__(self, planes: Planes, floor: float, square: float = 0.0) -> None:
+        self.planes = planes
+        self.base = planes.values
+        _, height, width = planes.values.shape
+
+        def energies(top: int, bottom: int) -> Singles:
+            around = max(top - 1, 0), min(bottom + 1, height)
+            smooth = self._smoothed(*around)
+            found = _energies_of(planes, smooth, *around)[:, top - around[0] : bottom - around[0]]
+            return planes.with_opacity(found, top, bottom)
+
+        weighted = planes.opacity.size > 0
+        small = quarter_means(POOLED + 2 + weighted, (height, width), energies)
+        sigmas = SIGMAS[SLOPES[0]], SIGMAS[SLOPES[1]]
+        self.around = told_around(small, weighted, floor, (sigmas[0] ** 2, sigmas[1] ** 2), square)
+        self.places = places(width)
+
+    def _smoothed(self, top: int, bottom: int) -> Singles:
+        return np.stack([self.planes.smoothed(weights, top, bottom) for weights in _WEIGHTS])
+
+    def strip(self, top: int, bottom: int) -> _Strip:
+        """Prepare some rows."""
+        height = self.base.shape[1]
+        first, last = max(top - HALO, 0), min(bottom + HALO, height)
+        smooth = self._smoothed(first, last)
+        low, high = self.planes.ranges(REACHES, first, last)
+        energies = _energies_of(self.planes, smooth, first, last)
+        near = self.planes.averaged(energies[:POOLED], first, NEAR, top, bottom)
+        return _Strip(self, top, first, smooth, low, high, energies, near)
+
+
+@dataclass(frozen=True)
+class _Strip:
+    # Arrays of the rows from `first` on; energies nearby from `top` on.
+
+    stage: First
+    top: int
+    first: int
+    smooth: Singles
+    low: Singles
+    high: Singles
+    energies: Singles
+    near: Singles
+
+    @property
+    def limits(self) -> tuple[int, Singles, Singles]:
+        """Least and greatest values that results may have, and the row that they begin with."""
+        return self.first, self.low[-1], self.high[-1]
+
+    def rows(self, start: int, stop: int) -> tuple[Singles, Singles]:
+        """Compute the differences of some rows, (k, c, rows, w), and what is told: (f, rows, w)."""
+        values = self.stage.base
+        c, _, w = values.shape
+        differences = np.empty((DIFFERENCES, c, stop - start, w), np.float32)
+        told = np.empty((TOLD, stop - start, w), np.float32)
+        opacity = self.stage.planes.opacity
+        _tell(start, stop, self.top, self.first, values, opacity, self.smooth, self.low, self.high,
+              self.energies, self.near, self.stage.around, *self.stage.places, differences,
+              told)  # fmt: skip
+        return differences, told
+
+
+def _energies_of(planes: Planes, smooth: Singles, top: int, bottom: int) -> Singles:
+    # Correct in all rows but the first and the last, unless the image ends there.
+    out = np.empty((POOLED + 2, *smooth.shape[2:]), np.float32)
+    _energies(top, bottom, planes.values, planes.opacity, smooth, out)
+    return out
+
+
+@kernel
+def _energies(top, bottom, values, opacity, smooth, out):
+    # Squared bands, squared gradients of two smoothings, and roots of two energies of bands.
+    c = values.shape[0]
+    share = np.float32(1 / c)
+    for n in range(bottom - top):
+        for k in range(BANDS + 2):
+            out[k, n] = 0
+        for i in range(c):
+            before = values[i, top + n]
+            for k in range(BANDS):
+                now = smooth[k, i, n]
+                add_squared_difference(share, before, now, out[k, n])
+                before = now
+            add_slopes(share, smooth[SLOPES[0], i], n, out[BANDS, n])
+            add_slopes(share, smooth[SLOPES[1], i], n, out[BANDS + 1, n])
+        a, b, d = out[0, n], out[1, n], out[3, n]
+        fine, coarse = out[BANDS + 2, n], out[BANDS + 3, n]
+        for x in range(len(a)):
+            fine[x] = np.sqrt(a[x] + b[x])
+            coarse[x] = np.sqrt(d[x])
+        if opacity.size > 0:
+            for k in range(BANDS + 4):
+                multiply(opacity[top + n], out[k, n])
+
+
+@kernel
+def _put_differences(y, n, first, values, smooth, low, high, d):
+    for i in range(values.shape[0]):
+        before = values[i, y]
+        for k in range(BANDS):
+            now = smooth[k, i, y - first]
+            put_difference(before, now, d[k, i, n])
+            before = now
+        value = values[i, y]
+        for k in range(len(MASKS)):
+            at, times = MASKS[k]
+            base, factor = smooth[at, i, y - first], np.float32(times)
+            least, most, out = low[k, i, y - first], high[k, i, y - first], d[BANDS + k, i, n]
+            for x in range(len(out)):
+                v = value[x] + factor * (value[x] - base[x])
+                out[x] = min(max(v, least[x]), most[x]) - value[x]
+
+
+@kernel
+def _tell(start, stop, top, first, values, opacity, smooth, low, high, energies, near, around,
+          place, rest, d, told):  # fmt: skip
+    c, _, w = values.shape
+    share = np.float32(1 / c)
+    line = np.empty(around.shape[2] + 1, np.float32)
+    large = np.empty((len(around), w), np.float32)
+    inverse, scale, spare = (
+        np.empty(w, np.float32), np.empty(w, np.float32), np.empty(w, np.float32)
+    )  # fmt: skip
+    value, away = np.empty((c, w), np.float32), np.empty((c, w), np.float32)
+    least, most = np.empty((c, w), np.float32), np.empty((c, w), np.float32)
+    for y in range(start, stop):
+        n = y - start
+        _put_differences(y, n, first, values, smooth, low, high, d)
+        enlarged_row(around, y, place, rest, line, large)
+        for k in range(TOTAL):
+            told[k, n] = large[k]
+        total = large[TOTAL]
+        scales_of(near, top, y, BANDS, share, total, inverse, scale)
+        at = TOTAL
+        for k in range(POOLED):
+            put_logs(inverse, near[k, y - top], told[at, n])
+            at += 1
+        at = tell_products(scale, d, BANDS, n, told, at)
+        for r in range(len(REACHES)):
+            for i in range(c):
+                value[i] = values[i, y]
+                put_difference(value[i], smooth[1 + r, i, y - first], away[i])
+                least[i], most[i] = low[r, i, y - first], high[r, i, y - first]
+            tell_range(share, inverse, total, value, least, most, away, spare, told[at, n],
+                       told[at + 1, n], told[at + 2, n])  # fmt: skip
+            at += 3
+        for k in range(len(MASKS)):
+            spare[:] = 0
+            for i in range(c):
+                add_square(share, d[BANDS + k, i, n], spare)
+            put_logs(inverse, spare, told[at, n])
+            at += 1
+        for k in range(2):
+            spare[:] = energies[BANDS + k, y - first]
+            if opacity.size > 0:
+                for x in range(w):
+                    spare[x] /= max(opacity[y, x], np.float32(1e-6))
+            put_logs(inverse, spare, told[at, n])
+            at += 1

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sharpening of the pixels of an image, or of a part of one, by the learned recipe."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ...base.findings import is_gathered
+from ...base.parallel import kernel, run
+from ...base.progress import aside, phase
+from ...grid.borders import Borders, measure_borders, windows_to_measure
+from ...grid.channels import Channels
+from ...grid.part import Part
+from ...grid.windows import gaussian
+from ...settings import WIDTH_OF_SIGMA, ImageSettings
+from ..by_width.measuring import Measured, scale_of, tell_closed
+from .first import SIGMAS
+from .planes import Planes
+from .recipe import FAINT, Wishes, sharpened
+from .surroundings import CELL, STRIP
+
+BY_DEFAULT = True
+"""Whether images are sharpened so unless settings say otherwise."""
+
+_AROUND = gaussian(SIGMAS[-1])
+
+
+def is_learned(settings: ImageSettings, has_guide: bool) -> bool:
+    """Whether an image is sharpened by the learned recipe.
+
+    Not if a time or What is given, or a guide, or if it is enlarged.
+    """
+    by_itself = settings.by_width and settings.what == "auto" and settings.enlarge == 1
+    return BY_DEFAULT and by_itself and not has_guide
+
+
+def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
+    """Measure how much a smoothing takes away, as a mean square, in windows all over an image."""
+    windows = windows_to_measure(pixels.shape[:2])
+    found = np.zeros(len(windows))
+
+    def measure(start: int, stop: int) -> None:
+        for i in range(start, stop):
+            planes = Planes.of(pixels[windows[i]], channels)
+            away = planes.values - planes.smoothed(_AROUND, 0, planes.values.shape[1])
+            squares = np.square(away, dtype=np.float64)
+            if planes.opacity.size:
+                squares *= planes.opacity / max(planes.opacity.mean(dtype=np.float64), 1e-6)
+            found[i] = squares.mean()
+
+    run(measure, len(windows), chunk=1)
+    return float(found.mean())
+
+
+def measured_for_learned(
+    pixels: npt.NDArray, channels: Channels, settings: ImageSettings
+) -> Measured:
+    """Measure what the recipe needs of the whole image; and its borders if they are reported."""
+    borders = Borders()
+    if settings.width == 0 and channels.start == 0 and is_gathered():
+        borders = measure_borders(pixels, scale_of(pixels), channels)
+    return with_detail(Measured("auto", borders.width, borders), pixels, channels)
+
+
+def with_detail(found: Measured, pixels: npt.NDArray, channels: Channels) -> Measured:
+    """Add the detail to measurements of an image."""
+    detail = measured_detail(pixels, channels)
+    return found._replace(borders=found.borders._replace(detail=detail))
+
+
+def sharpen_pixels_learned(
+    pixels: npt.NDArray,
+    channels: Channels,
+    settings: ImageSettings,
+    target: npt.NDArray,
+    found: Measured,
+    part: Part | None = None,
+) -> None:
+    """Sharpen some channels of an image into `target`, which holds a copy of the image.
+
+    Parameters
+    ----------
+    pixels, target : (h, w, c) array
+    channels : Channels
+    settings : ImageSettings
+    found : Measured
+        Measurements of the channels in the whole image.
+    part : Part, optional
+        The wanted pixels, if the image is a part of another one.
+    """
+    given, out = pixels, target
+    if part is not None:
+        begun = part.begun_at(CELL)
+        top, left = (old - new for old, new in zip(part.shape, begun.shape, strict=True))
+        given, out, part = pixels[top:, left:], target[top:, left:], begun
+    with phase(0.0, 0.02, "Sharpening"):
+        planes = Planes.of(given, channels)
+    square = (settings.width / WIDTH_OF_SIGMA) ** 2
+    nearest = settings.sampling == "nearest"
+    wishes = Wishes(FAINT * found.borders.detail, square, settings.smoothing_passes, nearest)
+    with phase(0.02, 0.98, "Sharpening"):
+        values = sharpened(planes, channels.brightness, wishes, part)
+    with phase(0.98, 1.0, "Sharpening"):
+        run(_put, len(given), planes.values, values, channels.start, out.dtype.kind == "u", out,
+            chunk=STRIP)  # fmt: skip
+    if settings.width == 0 and channels.start == 0 and part is None and is_gathered():
+        with aside("Sharpening"):
+            same = np.array_equal(target, pixels)
+        tell_closed("pixels", found._replace(width=0.0) if same else found, target, channels)
+
+
+@kernel
+def _put(start, stop, old, new, first, rounded, out):
+    # What did not change keeps its bits, and so do hidden pixels: they are 0 in both.
+    for y in range(start, stop):
+        for c in range(len(old)):
+            for x in range(old.shape[2]):
+                if new[c, y, x] != old[c, y, x]:
+                    value = np.float64(new[c, y, x])
+                    out[y, x, first + c] = np.floor(value + 0.5) if rounded else value

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The second stage: the first one's result flows to its borders, and is smoothed a little."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...base.parallel import kernel, run
+from ...grid.advect import advect_pixels
+from ...grid.channels import Channels
+from ...grid.part import Part
+from ...grid.potential import image_potential
+from ...grid.windows import gaussian, smooth_rows
+from .first import DIFFERENCES as FIRST_DIFFERENCES
+from .first import NEAR, REACHES, First
+from .planes import Planes, Singles
+from .rows import (
+    add_square,
+    add_squared_difference,
+    multiply,
+    put_difference,
+    put_logs,
+    scales_of,
+    tell_products,
+    tell_range,
+)
+from .surroundings import (
+    STRIP,
+    TOLD_AROUND,
+    TOTAL,
+    WIDTH,
+    enlarged_row,
+    quarter_means,
+    reach_of_wide,
+    relative,
+    smoothed_each,
+)
+
+DIFFERENCES = 5
+"""That the second network gives shares."""
+
+TOLD = (TOLD_AROUND + FIRST_DIFFERENCES + DIFFERENCES * (DIFFERENCES + 1) // 2
+        + 2 * DIFFERENCES + 3)  # fmt: skip
+"""Numbers that it is told of each pixel."""
+
+SPAN = 1
+"""The window whose range is a border's contrast."""
+
+RATE, CELLS, TEXTURE = 0.7, 3.0, 0.3
+"""A border of a contrast closes in `RATE` times the fourth power of its width over the squared
+contrast; what a grid's own coarseness adds to squared widths; and how much of the total energy
+around counts as contrast, so that little flows where there is nothing but texture."""
+
+SOFT = 0.7, 1.5
+"""Sigmas of two smoothings of the first stage's result."""
+
+FLOWED = 0.5
+"""Sigma of the smoothing of what flowed."""
+
+_SQUARED_WIDTH = 6.57
+"""From 10 to 90 percent, of a border that a Gaussian of sigma 1 has blurred."""
+
+_FAINT = 0.05
+"""Pixels of less opacity flow as if they had this one."""
+
+_SOFT = [gaussian(sigma) for sigma in SOFT]
+_FLOWED = gaussian(FLOWED)
+_CONTRAST = gaussian(REACHES[SPAN] / 2)
+
+REACH = reach_of_wide() + len(_FLOWED) + len(NEAR)
+"""Radius in pixels within which the flowed image affects a pixel."""
+
+
+def flow_times(first: First) -> Singles:
+    """Find for how long each pixel flows: (h, w)."""
+    _, height, width = first.base.shape
+    times = np.empty((height, width), np.float32)
+    premultiplied = first.planes.premultiplied()
+    reach = REACHES[SPAN]
+    around = len(_CONTRAST) - 1
+
+    def work(start: int, stop: int) -> None:
+        top, bottom = max(start - around, 0), min(stop + around, height)
+        outer = max(top - reach, 0), min(bottom + reach, height)
+        low, high = premultiplied.ranges((reach,), *outer)
+        contrast = np.empty((bottom - top, width), np.float32)
+        _contrasts(top, bottom, outer[0], low[0], high[0], contrast)
+        smooth_rows(contrast, top, height, _CONTRAST, start, times[start:stop])
+        _times(start, stop, first.around[WIDTH:], *first.places, first.planes.opacity, times)
+
+    run(work, height, chunk=STRIP)
+    return times
+
+
+def flowed(
+    result: Planes, times: Singles, brightness: Singles, passes: int, nearest: bool,
+    part: Part | None,
+) -> Planes:  # fmt: skip
+    """Let the first stage's result flow.
+
+    Parameters
+    ----------
+    result : Planes
+    times : (h, w) float32
+    brightness : (k,) float32
+        As in `Channels`.
+    passes : int
+        Smoothing passes on the flow.
+    nearest : bool
+        As in `advect_pixels`.
+    part : Part, optional
+        The pixels that are wanted, if the image is a part of another one; others stay.
+    """
+    count, height, width = result.values.shape
+    alpha = count if result.opacity.size else -1
+    pixels = np.empty((height, width, count + (alpha >= 0)), np.float32)
+    pixels[..., :count] = np.moveaxis(result.values, 0, 2)
+    if alpha >= 0:
+        pixels[..., alpha] = result.opacity
+    channels = Channels(0, count, alpha, brightness)
+    potential = image_potential(pixels, 1.0, channels, passes)
+    out = pixels.copy()
+    advect_pixels(pixels, channels, potential, times, out, nearest=nearest, part=part)
+    return result.with_values(np.ascontiguousarray(np.moveaxis(out[..., :count], 2, 0)))
+
+
+class Second:
+    """The second stage for an image, of which strips are computed when they are asked for.
+
+    Parameters
+    ----------
+    first : First
+    result : Planes
+        The first stage's result.
+    shares : (k, h, w) float16
+        The shares that it gave its differences.
+    moved : Planes
+        The result after its flow.
+    """
+
+    told, differences = TOLD, DIFFERENCES
+
+    def __init__(
+        self, first: First, result: Planes, shares: npt.NDArray[np.float16], moved: Planes
+    ) -> None:
+        self.first, self.result, self.shares, self.moved = first, result, shares, moved
+        self.base = result.values
+        _, height, width = self.base.shape
+        weighted = result.opacity.size > 0
+        small = quarter_means(DIFFERENCES + weighted, (height, width), self._energies)
+        wide = relative(smoothed_each(small, weighted), first.around[TOTAL])
+        self.around = np.concatenate([first.around[:TOTAL], wide, first.around[TOTAL:]])
+        self.places = first.places
+
+    def _smoothed(self, top: int, bottom: int) -> tuple[Singles, Singles]:
+        fine, coarse = (self.result.smoothed(weights, top, bottom) for weights in _SOFT)
+        moved = self.moved.values[:, top:bottom], self.moved.smoothed(_FLOWED, top, bottom)
+        return np.stack([fine, coarse]), np.stack(moved)
+
+    def _energies(self, top: int, bottom: int) -> Singles:
+        found = self._energies_of(top, bottom, *self._smoothed(top, bottom))
+        return self.result.with_opacity(found, top, bottom)
+
+    def _energies_of(self, top: int, bottom: int, soft: Singles, moved: Singles) -> Singles:
+        out = np.empty((DIFFERENCES, bottom - top, self.base.shape[2]), np.float32)
+        planes = self.first.planes
+        _energies(top, bottom, planes.values, planes.opacity, self.base, soft, moved, out)
+        return out
+
+    def strip(self, top: int, bottom: int) -> _Strip:
+        """Prepare some rows."""
+        height = self.base.shape[1]
+        reach = max(len(NEAR) - 1, REACHES[-1])
+        first, last = max(top - reach, 0), min(bottom + reach, height)
+        soft, moved = self._smoothed(first, last)
+        energies = self._energies_of(first, last, soft, moved)
+        near = self.result.averaged(energies, first, NEAR, top, bottom)
+        low, high = self.result.ranges((1,), first, last)
+        least, most = self.first.planes.ranges((REACHES[-1],), first, last)
+        limits = first, least[0], most[0]
+        return _Strip(self, top, first, soft, moved, near, low[0], high[0], limits)
+
+
+@dataclass(frozen=True)
+class _Strip:
+    # Arrays of the rows from `first` on; energies nearby from `top` on.
+
+    stage: Second
+    top: int
+    first: int
+    soft: Singles
+    moved: Singles
+    near: Singles
+    low: Singles
+    high: Singles
+    limits: tuple[int, Singles, Singles]
+
+    def rows(self, start: int, stop: int) -> tuple[Singles, Singles]:
+        """Compute the differences of some rows, (k, c, rows, w), and what is told: (f, rows, w)."""
+        stage = self.stage
+        c, _, w = stage.base.shape
+        differences = np.empty((DIFFERENCES, c, stop - start, w), np.float32)
+        told = np.empty((TOLD, stop - start, w), np.float32)
+        shares = stage.shares[:, start:stop].astype(np.float32)
+        _tell(start, stop, self.top, self.first, stage.first.base, stage.base, self.soft,
+              self.moved, shares, self.low, self.high, self.near, stage.around,
+              *stage.places, differences, told)  # fmt: skip
+        return differences, told
+
+
+@kernel
+def _contrasts(top, bottom, first, low, high, out):
+    for y in range(top, bottom):
+        o = out[y - top]
+        o[:] = 0
+        for i in range(len(low)):
+            add_squared_difference(np.float32(1), high[i, y - first], low[i, y - first], o)
+        for x in range(len(o)):
+            o[x] = np.sqrt(o[x])
+
+
+@kernel
+def _times(start, stop, around, place, rest, opacity, times):
+    # `times` holds contrasts.
+    width = times.shape[1]
+    line = np.empty(around.shape[2] + 1, np.float32)
+    large = np.empty((2, width), np.float32)
+    for y in range(start, stop):
+        enlarged_row(around, y, place, rest, line, large)
+        row, squared, total = times[y], large[0], large[1]
+        if opacity.size > 0:
+            for x in range(width):
+                total[x] *= max(opacity[y, x], np.float32(_FAINT)) ** 2
+        for x in range(width):
+            s = np.float32(_SQUARED_WIDTH) * squared[x] + np.float32(CELLS)
+            contrast = row[x] * row[x] + np.float32(TEXTURE) * total[x]
+            row[x] = np.float32(RATE) * s * s / contrast
+
+
+@kernel
+def _put_differences(y, n, first, values, base, soft, moved, d):
+    for i in range(base.shape[0]):
+        at = y - first
+        put_difference(moved[0, i, at], base[i, y], d[0, i, n])
+        put_difference(moved[1, i, at], moved[0, i, at], d[1, i, n])
+        put_difference(base[i, y], soft[0, i, at], d[2, i, n])
+        put_difference(soft[0, i, at], soft[1, i, at], d[3, i, n])
+        put_difference(values[i, y], base[i, y], d[4, i, n])
+
+
+@kernel
+def _energies(top, bottom, values, opacity, base, soft, moved, out):
+    c, _, w = base.shape
+    d = np.empty((DIFFERENCES, c, 1, w), np.float32)
+    share = np.float32(1 / c)
+    for y in range(top, bottom):
+        _put_differences(y, 0, top, values, base, soft, moved, d)
+        for k in range(DIFFERENCES):
+            o = out[k, y - top]
+            o[:] = 0
+            for i in range(c):
+                add_square(share, d[k, i, 0], o)
+            if opacity.size > 0:
+                multiply(opacity[y], o)
+
+
+@kernel
+def _tell(start, stop, top, first, values, base, soft, moved, shares, low, high, near, around,
+          place, rest, d, told):  # fmt: skip
+    c, _, w = base.shape
+    share = np.float32(1 / c)
+    last = len(around) - 1
+    line = np.empty(around.shape[2] + 1, np.float32)
+    large = np.empty((len(around), w), np.float32)
+    inverse, scale, spare = (
+        np.empty(w, np.float32), np.empty(w, np.float32), np.empty(w, np.float32)
+    )  # fmt: skip
+    value, other = np.empty((c, w), np.float32), np.empty((c, w), np.float32)
+    least, most = np.empty((c, w), np.float32), np.empty((c, w), np.float32)
+    for y in range(start, stop):
+        n = y - start
+        _put_differences(y, n, first, values, base, soft, moved, d)
+        enlarged_row(around, y, place, rest, line, large)
+        for k in range(last):
+            told[k, n] = large[k]
+        total = large[last]
+        at = last
+        for k in range(len(shares)):
+            told[at, n] = shares[k, n]
+            at += 1
+        scales_of(near, top, y, DIFFERENCES, share, total, inverse, scale)
+        at = tell_products(scale, d, DIFFERENCES, n, told, at)
+        for k in range(DIFFERENCES):
+            put_logs(inverse, near[k, y - top], told[at, n])
+            at += 1
+        for i in range(c):
+            value[i] = base[i, y]
+            other[i] = d[0, i, n]
+            least[i], most[i] = low[i, y - first], high[i, y - first]
+        tell_range(share, inverse, total, value, least, most, other, spare, told[at, n],
+                   told[at + 1, n], told[at + 2, n])  # fmt: skip

@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What lies around a pixel: energies at a quarter and at a sixteenth of the image's size.
+
+Squares of 4 and of 16 pixels begin at the image's corner, so that a part of an image has the same
+ones as the whole if it begins at a multiple of 16 pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from ...base.parallel import kernel, run
+from ...grid.windows import smooth
+from .planes import Singles
+from .rows import half_log
+
+CELL = 16
+"""Pixels along a side of the largest squares."""
+
+WIDE = np.array([5, 4, 3, 2, 1], np.float32) / np.float32(25)
+"""Weights of the squares around one, from the middle outwards: of a standard deviation of 2, and of
+less reach than a Gaussian."""
+
+BANDS = 5
+"""Differences of one smoothing and the next."""
+
+POOLED = BANDS + 2
+"""The energies of the bands, and of two squared gradients."""
+
+TOLD_AROUND = 2 * POOLED + 5
+"""What networks are told of the surroundings; the total energy comes after that."""
+
+WIDTH, TOTAL = TOLD_AROUND - 1, TOLD_AROUND
+"""Where the squared width of borders is, and that total."""
+
+SOFTEST = 6.0
+"""The widest blur that is told apart, as a Gaussian's sigma."""
+
+_SHARPEST = 0.2
+
+STRIP = 128
+"""Rows of an image that a thread takes at once: a multiple of `CELL`."""
+
+
+def reach_of_surroundings() -> int:
+    """Radius in pixels within which energies affect what is told of their surroundings."""
+    squares = len(WIDE)  # with one more, between whose middles values are read
+    return (squares + 1) * CELL + 2 * 4
+
+
+def reach_of_wide() -> int:
+    """Radius in pixels within which energies affect means over squares of 4 pixels."""
+    return (len(WIDE) + 1) * 4
+
+
+def quarter_means(
+    count: int, shape: tuple[int, int], energies: Callable[[int, int], Singles]
+) -> Singles:
+    """Average energies over squares of 4 pixels: (count, ceil(h / 4), ceil(w / 4)) float32.
+
+    Parameters
+    ----------
+    count : int
+        Number of energies.
+    shape : (int, int)
+        The image's.
+    energies : callable
+        ``energies(top, bottom)`` computes those of some rows: (count, rows, w).
+    """
+    small = np.empty((count, *(-(-n // 4) for n in shape)), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        found = energies(start, stop)
+        part = np.empty((count, -(-(stop - start) // 4), small.shape[2]), np.float32)
+        _reduce(0, count, found, part)
+        small[:, start // 4 : start // 4 + part.shape[1]] = part
+
+    run(work, shape[0], chunk=STRIP)
+    return small
+
+
+def smoothed_each(planes: Singles, weighted: bool) -> Singles:
+    """Smooth planes over 8 of their pixels or so; the last are their weights if `weighted`."""
+    out = np.empty_like(planes)
+
+    def work(start: int, stop: int) -> None:
+        for k in range(start, stop):
+            out[k] = smooth(planes[k], WIDE)
+
+    run(work, len(planes), chunk=1)
+    return averages(out[:-1], out[-1]) if weighted else out
+
+
+def averages(sums: Singles, weights: Singles) -> Singles:
+    """Divide smoothed values, in place, by their smoothed weights."""
+    return np.divide(sums, weights, out=sums, where=weights > 0)
+
+
+def told_around(
+    small: Singles, weighted: bool, floor: float, slopes: tuple[float, float], square: float
+) -> Singles:
+    """Find what networks are told of the surroundings, at a quarter of the image's size.
+
+    Parameters
+    ----------
+    small : (9, h, w) float32
+        Means of squares of 4 pixels: energies of the bands and of the squared gradients of two
+        smoothings, and roots of two energies.
+    weighted : bool
+        Whether all are times the opacity, which comes last.
+    floor : float
+        Energy that counts as none.
+    slopes : (float, float)
+        Squared sigmas of the smoothings whose gradients these are.
+    square : float
+        Squared width of borders, as a Gaussian's sigma; 0 measures it.
+
+    Returns
+    -------
+    (20, h, w) float32
+    """
+    wide = smoothed_each(small, weighted)
+    largest = np.empty((len(small), *(-(-n // 4) for n in small.shape[1:])), np.float32)
+    run(_reduce, len(small), small, largest, chunk=1)
+    region = np.empty_like(wide)
+    run(_enlarge, small.shape[1], smoothed_each(largest, weighted), *places(small.shape[2]), region,
+        chunk=STRIP)  # fmt: skip
+    told = np.empty((TOLD_AROUND + 1, *small.shape[1:]), np.float32)
+    limits = np.array([_SHARPEST**2, SOFTEST**2] if square == 0 else [square, square], np.float32)
+    run(_tell, small.shape[1], wide, region, np.float32(floor), np.array(slopes, np.float32),
+        limits, told, chunk=STRIP)  # fmt: skip
+    return told
+
+
+def relative(wide: Singles, total: Singles) -> Singles:
+    """Compare further energies with the total."""
+    out = np.empty_like(wide)
+    run(_tell_relative, len(wide), wide, total, out, chunk=1)
+    return out
+
+
+def places(width: int) -> tuple[npt.NDArray[np.int32], Singles]:
+    """Find where the pixels of a row lie in one of a quarter of its size: cells, and places."""
+    place = np.clip((np.arange(width) + 0.5) / 4 - 0.5, 0, -(-width // 4) - 1)
+    cell = place.astype(np.int32)
+    return cell, (place - cell).astype(np.float32)
+
+
+@kernel
+def enlarged_row(planes, y, place, rest, line, out):
+    """Read a row between the middles of squares of 4 pixels, from planes of a quarter of the size.
+
+    `line` is a spare row, of one more than the planes' width.
+    """
+    m, h, w = planes.shape
+    v = min(max((y + np.float32(0.5)) / 4 - np.float32(0.5), np.float32(0)), np.float32(h - 1))
+    i = int(v)
+    k = min(i + 1, h - 1)
+    v -= np.float32(i)
+    for n in range(m):
+        above, below = planes[n, i], planes[n, k]
+        for x in range(w):
+            line[x] = above[x] + v * (below[x] - above[x])
+        line[w] = line[w - 1]
+        o = out[n]
+        for x in range(len(place)):
+            a = line[place[x]]
+            o[x] = a + rest[x] * (line[place[x] + 1] - a)
+
+
+@kernel
+def _enlarge(start, stop, planes, place, rest, out):
+    line = np.empty(planes.shape[2] + 1, np.float32)
+    for y in range(start, stop):
+        enlarged_row(planes, y, place, rest, line, out[:, y])
+
+
+@kernel
+def _reduce(start, stop, planes, out):
+    # Means of squares of 4 x 4 pixels; those at the rim hold what there is.
+    _, h, w = planes.shape
+    line = np.empty(w, np.float32)
+    for n in range(start, stop):
+        for y in range(out.shape[1]):
+            last = min(4 * y + 4, h)
+            line[:] = planes[n, 4 * y]
+            for v in range(4 * y + 1, last):
+                row = planes[n, v]
+                for x in range(w):
+                    line[x] += row[x]
+            rows = last - 4 * y
+            for x in range(out.shape[2]):
+                total, right = line[4 * x], min(4 * x + 4, w)
+                for u in range(4 * x + 1, right):
+                    total += line[u]
+                out[n, y, x] = total / np.float32(rows * (right - 4 * x))
+
+
+@kernel
+def _tell(start, stop, wide, region, floor, slopes, limits, told):
+    # Logarithms of energies over the region's, and the width of borders; the total comes last.
+    tiny = floor + np.float32(1e-30)
+    for y in range(start, stop):
+        for x in range(wide.shape[2]):
+            total = tiny
+            for k in range(BANDS):
+                total += region[k, y, x]
+            for k in range(POOLED):
+                told[k, y, x] = half_log(wide[k, y, x] / total)
+                told[POOLED + k, y, x] = half_log(region[k, y, x] / total)
+            at = 2 * POOLED
+            for e in (wide, region):
+                # How sparse fine and coarse bands are.
+                a, b = e[POOLED, y, x], e[POOLED + 1, y, x]
+                told[at, y, x] = half_log((a * a + tiny) / (e[0, y, x] + e[1, y, x] + tiny))
+                told[at + 1, y, x] = half_log((b * b + tiny) / (e[3, y, x] + tiny))
+                at += 2
+            # The squared slopes of a border add up to what goes with one over its width.
+            a = wide[BANDS, y, x] + np.float32(0.25) * region[BANDS, y, x] + tiny
+            b = wide[BANDS + 1, y, x] + np.float32(0.25) * region[BANDS + 1, y, x] + tiny
+            r = (a / b) ** 2
+            square = (slopes[1] - slopes[0] * r) / max(r - np.float32(1), np.float32(1e-6))
+            told[at, y, x] = min(max(square, limits[0]), limits[1])
+            told[at + 1, y, x] = total
+
+
+@kernel
+def _tell_relative(start, stop, wide, total, out):
+    for k in range(start, stop):
+        for y in range(out.shape[1]):
+            for x in range(out.shape[2]):
+                out[k, y, x] = half_log(wide[k, y, x] / total[y, x])

@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images are sharpened by default as networks have learned, and what that promises."""
+
+import math
+
+import dask.array
+import numpy as np
+import pytest
+from scipy import ndimage
+from shock_filter import core
+from shock_filter.core.base.findings import gathering
+from shock_filter.core.color.chunked import counting_reruns
+from shock_filter.core.color.image_sharpening import measure_image
+from shock_filter.core.color.learned import images
+from shock_filter.core.color.learned.planes import Planes
+from shock_filter.core.color.learned.recipe import DEFINITION, STAGES, WEIGHTS
+from shock_filter.core.color.learned.rows import half_log
+from shock_filter.core.grid.channels import Channels
+from shock_filter.core.grid.part import Part
+from shock_filter.core.grid.windows import gaussian, smooth, smooth_rows
+from shock_filter.core.mixture.network import load
+from test_images_by_width import blurred, drawing, fidelity, texture
+
+NONE = np.empty(0, np.float32)
+
+
+@pytest.fixture(autouse=True)
+def learned(monkeypatch):
+    monkeypatch.setattr(images, "BY_DEFAULT", True)
+
+
+def as_bytes(image):
+    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
+
+
+def scene(seed, size=192):
+    """A drawing beside a texture, blurred a little, with light noise."""
+    image = np.concatenate([drawing(seed, size), texture(seed + 50, size)], axis=1)
+    noise = np.random.default_rng(seed).normal(0, 0.004, image.shape)
+    return (blurred(image, 1.5) + noise).astype(np.float32)
+
+
+def rms(a):
+    return math.sqrt(np.square(a, dtype=np.float64).mean())
+
+
+@pytest.mark.parametrize(("wanted", "sigma", "least"), [
+    (drawing(1), 1.0, 4.0), (drawing(2), 2.0, 4.0), (texture(3), 1.0, 0.8), (texture(4), 2.0, 0.5),
+    (drawing(5, contrast=0.2), 1.5, 3.0),
+], ids=["drawing", "soft drawing", "texture", "soft texture", "faint drawing"])  # fmt: skip
+def test_blurred_images_come_nearer_to_what_they_were(wanted, sigma, least):
+    given = as_bytes(blurred(wanted, sigma))
+    found = core.sharpen_image(given)
+    assert fidelity(found / 255, wanted) > fidelity(given / 255, wanted) + least
+
+
+def test_noise_is_taken_away_and_not_sharpened():
+    wanted = drawing(6)
+    noise = np.random.default_rng(7).normal(0, 0.03, wanted.shape)
+    given = as_bytes(blurred(wanted, 1.0) + noise)
+    found = core.sharpen_image(given)
+    assert fidelity(found / 255, wanted) > fidelity(given / 255, wanted) + 2.5
+
+
+def test_sharp_drawings_hardly_change():
+    image = as_bytes(drawing(4))
+    assert fidelity(core.sharpen_image(image) / 255, image / 255) > 40
+
+
+@pytest.mark.parametrize("settings", [{}, {"width": 9.0}, {"sampling": "nearest"}], ids=str)
+@pytest.mark.parametrize("kind", [np.uint8, np.float32])
+def test_values_stay_within_those_nearby(kind, settings):
+    image = scene(8)
+    image = as_bytes(image) if kind is np.uint8 else image
+    out = core.sharpen_image(image, core.ImageSettings(**settings))
+    assert (out != image).mean() > 0.2
+    assert (out >= ndimage.minimum_filter(image, (15, 15, 1))).all()
+    assert (out <= ndimage.maximum_filter(image, (15, 15, 1))).all()
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2", "f4", "f8"])
+def test_even_images_stay_bit_for_bit(kind):
+    image = np.full((40, 70, 3), (0.3, 0.1, 0.7))
+    image = (image if kind[0] == "f" else image * np.iinfo(kind).max).astype(kind)
+    np.testing.assert_array_equal(core.sharpen_image(image), image)
+    half = image.copy()
+    half[:, 35:] //= 2 if kind[0] == "u" else 1
+    out = core.sharpen_image(half)
+    np.testing.assert_array_equal(out[:, :28], half[:, :28])
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(0.25, 0.5), (-1.0, 1.0), (900.0, 0.0), (1e-3, 0.0)])
+def test_scaled_and_shifted_values_give_scaled_and_shifted_results(scale, shift):
+    image = scene(9)
+    out = core.sharpen_image(image)
+    other = core.sharpen_image((scale * image + shift).astype(np.float32))
+    away = (other - shift) / scale - out
+    assert rms(away) < 0.0005
+    assert np.quantile(np.abs(away), 0.99) < 0.0005
+
+
+@pytest.mark.parametrize("turn", [
+    lambda a: np.rot90(a), lambda a: a[::-1], lambda a: a[:, ::-1], lambda a: a.swapaxes(0, 1),
+], ids=["quarter", "up", "across", "diagonal"])  # fmt: skip
+def test_turned_and_mirrored_images_give_turned_and_mirrored_results(turn):
+    image = scene(10)  # of a multiple of 16 pixels, so that squares of these are the same
+    away = core.sharpen_image(np.ascontiguousarray(turn(image))) - turn(core.sharpen_image(image))
+    assert rms(away) < 0.0005
+    assert np.quantile(np.abs(away), 0.99) < 0.0005
+
+
+def test_gray_alone_and_as_colors_agree():
+    image = scene(11)[..., 0]
+    out = core.sharpen_image(image)
+    colors = core.sharpen_image(np.repeat(image[..., None], 3, axis=2))
+    assert rms(colors - out[..., None]) < 0.0005
+
+
+def test_types_agree():
+    image = scene(12)
+    wanted = core.sharpen_image(image)
+    double = core.sharpen_image(image.astype(np.float64))
+    assert double.dtype == np.float64
+    np.testing.assert_array_equal(double.astype(np.float32), wanted)
+    words = core.sharpen_image(np.rint(65535 * np.clip(image, 0, 1)).astype(np.uint16))
+    assert fidelity(words / 65535, np.clip(wanted, 0, 1)) > 55
+    assert fidelity(core.sharpen_image(as_bytes(image)) / 255, np.clip(wanted, 0, 1)) > 38
+
+
+def test_what_did_not_change_keeps_the_bits_of_doubles():
+    image = np.full((64, 64), 1 / 3)
+    image[:, 40:] = 2 / 3
+    out = core.sharpen_image(image)
+    np.testing.assert_array_equal(out[:, :32], image[:, :32])
+
+
+def test_hidden_pixels_lend_no_color_and_opacity_stays():
+    color = scene(13)
+    opacity = np.zeros((*color.shape[:2], 1), np.float32)
+    opacity[:, 150:] = np.clip(np.linspace(0, 3, 384 - 150), 0, 1)[None, :, None]
+    image = np.concatenate([color, opacity], axis=2)
+    other = image.copy()
+    other[:, :150, :3] = 1e6
+    one, two = core.sharpen_image(image), core.sharpen_image(other)
+    np.testing.assert_array_equal(one[:, 151:], two[:, 151:])
+    np.testing.assert_array_equal(one[:, :151], image[:, :151])
+    np.testing.assert_array_equal(two[:, :151], other[:, :151])
+    np.testing.assert_array_equal(one[..., 3:], opacity)
+    assert (one[:, 151:] != image[:, 151:]).any()
+
+
+def test_even_opacity_changes_nothing():
+    color = scene(14)
+    plain = core.sharpen_image(color)
+    for share in (1.0, 0.5):
+        opacity = np.full((*color.shape[:2], 1), share, np.float32)
+        found = core.sharpen_image(np.concatenate([color, opacity], axis=2))
+        assert rms(found[..., :3] - plain) < 0.0005
+
+
+def test_half_transparent_neighbors_count_by_their_opacity():
+    values = np.random.default_rng(15).random((1, 20, 30)).astype(np.float32)
+    opacity = np.random.default_rng(16).random((20, 30)).astype(np.float32)
+    weights = gaussian(1.5)
+    wanted = smooth(values[0] * opacity, weights) / smooth(opacity, weights)
+    found = Planes(values, opacity).smoothed(weights, 4, 13)
+    np.testing.assert_allclose(found[0], wanted[4:13], rtol=1e-5)
+
+
+def test_amount_and_masks_mix_evenly():
+    image = scene(17)
+    full = core.sharpen_image(image)
+    none = core.sharpen_image(image, core.ImageSettings(amount=0.0))
+    np.testing.assert_array_equal(none, image)
+    half = core.sharpen_image(image, core.ImageSettings(amount=0.5))
+    np.testing.assert_allclose(half, image + 0.5 * (full - image), atol=1e-6)
+    mask = np.zeros(image.shape[:2])
+    mask[40:80] = 1.0
+    part = core.sharpen_image(image, mask=mask)
+    np.testing.assert_array_equal(part[mask == 0], image[mask == 0])
+    np.testing.assert_array_equal(part[mask == 1], full[mask == 1])
+
+
+def test_a_given_width_takes_the_place_of_the_measured_one():
+    image = blurred(drawing(18), 3.0)
+    results = [
+        core.sharpen_image(image, core.ImageSettings(width=width)) for width in (3.0, 5.0, 7.7, 12)
+    ]
+    changes = [float(abs(result - image).mean()) for result in results]
+    assert changes == sorted(changes) and changes[-1] > 1.5 * changes[0]
+    assert fidelity(results[2], core.sharpen_image(image)) > 28
+
+
+def test_what_or_a_guide_leave_it_to_the_width():
+    image = blurred(drawing(19), 2.0)
+    learned = core.sharpen_image(image)
+    drawn = core.sharpen_image(image, core.ImageSettings(what="drawing"))
+    assert rms(learned - drawn) > 0.003
+    guided = core.sharpen_image(image, guide=image)
+    np.testing.assert_allclose(guided, drawn, atol=1e-4)
+
+
+@pytest.mark.parametrize("channels", ["independent", "luminance"])
+def test_channels_may_be_guided_otherwise(channels):
+    image = scene(20)
+    out = core.sharpen_image(image, core.ImageSettings(channels=channels))
+    if channels == "independent":
+        one = core.sharpen_image(np.ascontiguousarray(image[..., 1]))
+        np.testing.assert_array_equal(out[..., 1], one)
+    else:
+        assert 0.001 < rms(out - core.sharpen_image(image)) < 0.02
+
+
+@pytest.mark.parametrize("shape", [
+    (1, 1), (1, 30), (30, 1), (2, 2), (3, 5, 1), (17, 4, 2), (33, 70, 4), (5, 40, 5),
+], ids=str)  # fmt: skip
+def test_small_images_are_done(shape):
+    image = np.random.default_rng(21).random(shape).astype(np.float32)
+    out = core.sharpen_image(image)
+    assert np.isfinite(out).all()
+    assert image.min() <= out.min() and out.max() <= image.max()
+
+
+def test_extreme_values_are_done_and_worse_ones_refused():
+    image = scene(22, 64)
+    for scale in (1e15, 1e-9):
+        out = core.sharpen_image((scale * np.clip(image, 0, 1)).astype(np.float32))
+        assert np.isfinite(out).all()
+        assert rms(out / scale - core.sharpen_image(np.clip(image, 0, 1))) < 0.001
+    for value in (np.nan, np.inf, 1e16):
+        image[5, 5, 1] = value
+        with pytest.raises(core.InvalidSignal):
+            core.sharpen_image(image)
+
+
+@pytest.mark.parametrize("settings", [
+    {}, {"width": 6.0}, {"channels": "independent"}, {"smoothing_passes": 3},
+], ids=str)  # fmt: skip
+def test_chunks_have_the_bits_of_the_whole(settings):
+    settings = core.ImageSettings(**settings)
+    image = as_bytes(np.tile(scene(23), (3, 2, 1))[:531, :, :2])
+    image[..., 1] = as_bytes(ndimage.gaussian_filter(drawing(24, 768), 3)[:531, :, 0])
+    expected = core.sharpen_image(image, settings)
+    with counting_reruns() as counts:
+        lazy = core.sharpen_image(dask.array.from_array(image, chunks=(250, 256, 2)), settings)
+    found, reruns = dask.compute(lazy, counts[0], scheduler="synchronous")
+    assert reruns.shape == (2, 3) and reruns.sum() == 0
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_flow_lines_that_leave_make_chunks_run_again(monkeypatch):
+    from shock_filter.core.color import chunked
+
+    monkeypatch.setattr(chunked, "_LEARNED_WALK", -40)
+    image = as_bytes(blurred(np.tile(drawing(25), (3, 3, 1)), 4.0))
+    expected = core.sharpen_image(image)
+    with counting_reruns() as counts:
+        lazy = core.sharpen_image(dask.array.from_array(image, chunks=(193, 193, 3)))
+    found, reruns = dask.compute(lazy, counts[0].sum(), scheduler="synchronous")
+    assert reruns > 0
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_parts_begin_where_squares_of_pixels_do():
+    part = Part((100, 80), slice(40, 60), slice(30, 50), (True, False, True, True), 9, (5, 32))
+    begun = part.begun_at(16)
+    assert begun.origin == (16, 32) and begun.shape == (89, 80)
+    assert (begun.rows, begun.columns) == (slice(29, 49), slice(30, 50))
+    wider = begun.wider(31)
+    assert (wider.rows, wider.columns) == (slice(0, 80), slice(0, 80))
+    assert part.enlarged(2).origin == (10, 64)
+
+
+def test_a_patch_goes_by_the_detail_of_the_whole():
+    image = scene(27, 96)
+    patch = image[:64, :64].copy()
+    own, whole = measure_image(patch), measure_image(image)
+    assert own.borders.detail != whole.borders.detail > 0
+    by_itself = core.sharpen_image(patch)
+    np.testing.assert_array_equal(core.sharpen_image(patch, known=own), by_itself)
+    large = own._replace(borders=own.borders._replace(detail=1e4 * own.borders.detail))
+    assert rms(core.sharpen_image(patch, known=large) - by_itself) > 1e-4
+
+
+def test_it_can_be_followed_and_cancelled():
+    image, seen = scene(28), []
+
+    def watch(fraction, message):
+        seen.append((fraction, message))
+        return True
+
+    core.sharpen_image(image, progress=watch)
+    fractions = [fraction for fraction, _ in seen]
+    assert fractions == sorted(fractions) and fractions[-1] == 1.0
+    assert len({round(fraction, 1) for fraction in fractions}) > 6
+    for stop in (0.05, 0.3, 0.6, 0.9):
+        with pytest.raises(core.Cancelled):
+            core.sharpen_image(image, progress=lambda fraction, _, stop=stop: fraction < stop)
+
+
+def test_widths_are_told_when_somebody_listens():
+    with gathering() as found:
+        core.sharpen_image(as_bytes(blurred(drawing(29), 2.0)))
+    assert [each.sentence for each in found] == [
+        "Borders {width:.1f} pixels wide, closed to {result:.1f}."
+    ]
+    with gathering() as found:
+        core.sharpen_image(np.full((40, 40), 0.5))
+    assert [str(each) for each in found] == ["No borders were found; give a Width."]
+
+
+def test_results_move_as_little_as_images_do():
+    truth = drawing(30)
+    rise = texture(31) - 0.5
+    sizes = []
+    for amount in np.arange(0, 0.0501, 0.005):
+        image = blurred(truth + amount * rise, 1.5).astype(np.float32)
+        sizes.append(rms(core.sharpen_image(image) - image))
+    assert max(sizes) > 0.02
+    assert np.abs(np.diff(sizes)).max() < 0.002
+
+
+def test_shipped_networks_belong_to_the_code():
+    found = load(WEIGHTS, DEFINITION)
+    assert set(found) == set(STAGES)
+    for network in found.values():
+        assert network.version >= 1 and len(network.made_of) == 16
+    with pytest.raises(ValueError, match="train it again"):
+        load(WEIGHTS, "other")
+
+
+def test_some_rows_are_smoothed_as_all_are():
+    plane = np.random.default_rng(32).random((21, 13)).astype(np.float32)
+    for sigma, top, bottom in ((0.6, 0, 3), (2.0, 6, 9), (4.5, 12, 21), (9.0, 2, 20)):
+        weights = gaussian(sigma)
+        reach = len(weights) - 1
+        first, last = max(top - reach, 0), min(bottom + reach, 21)
+        out = np.empty((bottom - top, 13), np.float32)
+        smooth_rows(plane[first:last], first, 21, weights, top, out)
+        np.testing.assert_array_equal(out, smooth(plane, weights)[top:bottom])
+
+
+def test_logarithms_are_exact_enough():
+    values = np.concatenate([[0.0], np.geomspace(1e-6, 1e20, 500)]).astype(np.float32)
+    found = np.array([half_log(value) for value in values])
+    np.testing.assert_allclose(found, 0.5 * np.log(values + 1e-5) + 2, atol=2e-4)
+
+
+def test_planes_hold_hidden_pixels_as_0_and_ranges_without_them():
+    pixels = np.full((9, 9, 2), 200, np.uint8)
+    pixels[:, 4:, 1] = 0
+    pixels[4, 2, 0] = 100
+    planes = Planes.of(pixels, Channels(0, 1, 1, NONE))
+    assert planes.values[0, 0].tolist() == [200] * 4 + [0] * 5
+    low, high = planes.ranges((1, 3), 0, 9)
+    assert (low[0, 0, :, :4].min(), high[1, 0, :, :4].max()) == (100, 200)
+    assert low[0, 0, 0, 3] == 200
+    assert (low[..., 4:] == 0).all() and (high[..., 4:] == 0).all()

@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Train the networks that mix differences of smoothings for sharpening images.
+
+``python tools/training/train_images.py`` makes pictures from seeds, learns from them, and writes
+``core/color/learned/images.npz``. It needs Pillow and scipy, and about a quarter of an hour on two
+cores. Made pictures stay in the folder, so that a run that was stopped goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machine
+
+import adam
+import numpy as np
+from image_examples import WIDELY, example
+from scripts import meaning_of
+from shock_filter.core.base import parallel
+from shock_filter.core.color.learned.first import First
+from shock_filter.core.color.learned.images import measured_detail
+from shock_filter.core.color.learned.planes import Planes
+from shock_filter.core.color.learned.recipe import (
+    DEFINITION,
+    FAINT,
+    STAGES,
+    WEIGHTS,
+    Wishes,
+    mixed,
+    second_of,
+)
+from shock_filter.core.grid.channels import Channels
+from shock_filter.core.mixture.network import Network, save
+
+HERE = Path(__file__).resolve().parent
+
+MADE_OF = "adam.py", "image_examples.py", "train_images.py"
+"""The scripts that the networks come from."""
+
+VERSION = 1
+"""Counts the trainings that were shipped."""
+
+COUNTS = {10000: 1050, WIDELY: 120}
+"""How many seeds, from these on."""
+
+PIXELS = 700
+"""Of each spoiled picture."""
+
+ANYWHERE = 0.35
+"""Share of them that lie anywhere; others lie where there is something to change."""
+
+HIDDEN = 56, 40
+"""Sizes of the inner layers."""
+
+EPOCHS = 18
+KEPT_ASIDE = 16
+"""One picture in so many tells the gain and is not learned from."""
+
+FLOOR = 0.8**2
+"""Squared error, in bytes, that counts as none."""
+
+AS_IT_WAS = 1.5
+"""How much pictures count that nothing spoiled."""
+
+HELD = 1e-4
+"""How firmly shares are held near 0."""
+
+COLORS = Channels(0, 3, -1, np.empty(0, np.float32))
+
+
+def made(seed: int, folder: Path) -> Path:
+    """Make a picture and its spoiled copies, unless they are in the folder already."""
+    path = folder / f"image_{seed}.npz"
+    if not path.exists():
+        truth, spoiled = example(seed)
+        part = path.with_suffix(".part")
+        with part.open("wb") as file:
+            np.savez(file, truth=truth, given=[image for image, _ in spoiled],
+                     same=[same for _, same in spoiled])  # fmt: skip
+        part.rename(path)
+    return path
+
+
+def table(path: Path, networks: list[Network]) -> list[dict[str, np.ndarray]]:
+    """What the next network learns from a picture, after those that are trained."""
+    seed = int(path.stem.rpartition("_")[2])
+    random = np.random.default_rng([seed, len(networks)])
+    with np.load(path) as data:
+        truth = np.moveaxis(data["truth"].astype(np.float32), 2, 0)
+        pairs = list(zip(data["given"], data["same"], strict=True))
+    found = []
+    for image, same in pairs:
+        planes = Planes.of(image, COLORS)
+        wishes = Wishes(FAINT * measured_detail(image, COLORS))
+        stage = first = First(planes, wishes.floor)
+        if networks:
+            values, shares = mixed(first, networks[0])
+            result = planes.with_values(values)
+            stage = second_of(first, result, shares, COLORS.brightness, wishes)
+        error = float(((truth - planes.values) ** 2).mean())
+        found.append({
+            **pixels_of(stage, truth, random), "error": np.array([error]),
+            "same": np.array([same]), "aside": np.array([seed % KEPT_ASIDE == 0]),
+        })  # fmt: skip
+    return found
+
+
+def pixels_of(stage, truth: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
+    """What is learned from some pixels: what is told of them, differences, what is missing."""
+    c, height, _ = stage.base.shape
+    strip = stage.strip(0, height)
+    differences, told = strip.rows(0, height)
+    differences = differences.reshape(len(differences), c, -1)
+    told = told.reshape(len(told), -1)
+    _, low, high = strip.limits
+    missing, low, high = (
+        (wanted - stage.base).reshape(c, -1) for wanted in (truth, low, high)
+    )  # fmt: skip
+    energy = (differences**2).sum((0, 1), dtype=np.float64) + (missing**2).sum(0)
+    count = len(energy)
+    share = np.full(count, 1 / count)
+    if energy.sum() > 0:
+        share = ANYWHERE * share + (1 - ANYWHERE) * energy / energy.sum()
+    rows = random.choice(count, PIXELS, p=share / share.sum())
+    return {
+        "told": told[:, rows].T, "differences": differences[:, :, rows].transpose(2, 0, 1),
+        "missing": missing[:, rows].T, "low": low[:, rows].T, "high": high[:, rows].T,
+        "weights": (1 / (share[rows] * count)).astype(np.float32),
+    }  # fmt: skip
+
+
+class PictureLoss:
+    """The mean logarithm of the pictures' errors, by weights that follow the errors there are.
+
+    Parameters
+    ----------
+    rows : dict
+        As from `gathered`; those of pixels come picture by picture.
+    """
+
+    def __init__(self, rows: dict[str, np.ndarray]) -> None:
+        self._rows = rows
+        self._pictures = len(rows["error"])
+        self._owner = np.arange(len(rows["told"])) // PIXELS
+        self._batches = len(rows["told"]) // adam.BATCH
+        self._count = 0
+        self._sums = np.zeros((2, self._pictures))
+        self._follow(rows["error"])
+
+    def _follow(self, errors: np.ndarray) -> None:
+        counted = np.where(self._rows["same"], AS_IT_WAS, 1.0)
+        self._factor = (counted / (errors + FLOOR)).astype(np.float32)
+
+    def __call__(self, shares: np.ndarray, rows: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the loss of some pixels, and its slopes for their shares."""
+        kept, owner = self._rows, self._owner[rows]
+        squares, slopes = slopes_of(shares, kept, rows)
+        weights = kept["weights"][rows]
+        self._sums[0] += np.bincount(owner, squares * weights, self._pictures)
+        self._sums[1] += np.bincount(owner, weights, self._pictures)
+        factor = weights * self._factor[owner]
+        self._count += 1
+        if self._count % self._batches == 0:
+            self._follow(self._sums[0] / np.maximum(self._sums[1], 1e-9))
+            self._sums[:] = 0
+        loss = float((squares * factor).sum())
+        return loss, (slopes * factor[:, None] + HELD * shares) / len(rows)
+
+
+def slopes_of(shares, kept, rows) -> tuple[np.ndarray, np.ndarray]:
+    """Mean squared errors of some pixels, and their slopes for the shares."""
+    d, low, high = kept["differences"][rows], kept["low"][rows], kept["high"][rows]
+    change = (shares[:, :, None] * d).sum(1)
+    free = (change > low) & (change < high)
+    gap = np.clip(change, low, high) - kept["missing"][rows]
+    slopes = (2 / gap.shape[1]) * ((gap * free)[:, None] * d).sum(2)
+    return (gap**2).mean(1), slopes
+
+
+def gains(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
+    """Decibels that each picture gains, by what its pixels say."""
+    squares, _ = slopes_of(network.scores(rows["told"]), rows, slice(None))
+    owner, weights = np.arange(len(squares)) // PIXELS, rows["weights"]
+    errors = np.bincount(owner, squares * weights) / np.bincount(owner, weights)
+    return 10 * np.log10((rows["error"] + FLOOR) / (errors + FLOOR))
+
+
+def gathered(function, jobs: list, processes: int) -> list:
+    """Call a function for each job, in processes of their own if there are several."""
+    if processes == 1:
+        return [function(job) for job in jobs]
+    with ProcessPoolExecutor(processes, initializer=_alone) as pool:
+        return list(pool.map(function, jobs, chunksize=8))
+
+
+def _alone() -> None:
+    parallel.most_threads = 1  # the other cores have processes of their own
+
+
+def make_all(counts: dict[int, int], folder: Path, processes: int) -> list[Path]:
+    """Make so many pictures from each first seed on."""
+    folder.mkdir(parents=True, exist_ok=True)
+    seeds = [first + i for first, count in counts.items() for i in range(count)]
+    return gathered(partial(made, folder=folder), seeds, processes)
+
+
+def train(
+    paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print
+) -> dict[str, Network]:
+    """Learn stage by stage, and say how much pictures gain that are kept aside."""
+    networks: list[Network] = []
+    for stage, name in enumerate(STAGES):
+        tables = gathered(partial(table, networks=networks), paths, processes)
+        each = [part for found in tables for part in found]
+        learned, aside = (
+            joined([part for part in each if part["aside"][0] == kept]) for kept in (False, True)
+        )
+        del tables, each
+        log(f"{name}: {learned['told'].shape} rows")
+        sizes = (*hidden, learned["differences"].shape[1])
+        network = adam._trained(learned["told"], PictureLoss(learned), sizes, epochs, stage, log)
+        gain = gains(network, aside)
+        same = aside["same"]
+        log(
+            f"{name}: mean gain {gain[~same].mean():.3f} dB, of sharp ones {gain[same].mean():.3f};"
+            f" worse by .1: {(gain < -0.1).mean():.3f}, by .5: {(gain < -0.5).mean():.3f}"
+        )
+        facts = {"definition": DEFINITION, "made_of": made_of(), "version": VERSION}
+        networks.append(replace(network, **facts))
+    return dict(zip(STAGES, networks, strict=True))
+
+
+def joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Put the tables of pictures one after the other."""
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+
+
+def made_of() -> str:
+    """Digest of the scripts that the networks come from."""
+    return meaning_of(HERE / name for name in MADE_OF)
+
+
+def main() -> None:
+    """Make pictures, learn, write."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--folder", type=Path, default=HERE / ".made", help="for made pictures")
+    parser.add_argument("--out", type=Path, default=WEIGHTS)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--share", type=float, default=1.0, help="of all that is made, to try out")
+    options = parser.parse_args()
+    begin = time.time()
+    log = lambda text: print(f"{time.time() - begin:6.0f} s  {text}", flush=True)  # noqa: E731
+    counts = {first: max(int(options.share * count), 1) for first, count in COUNTS.items()}
+    paths = make_all(counts, options.folder, options.processes)
+    log(f"{len(paths)} pictures")
+    save(options.out, train(paths, options.processes, log=log))
+    log(f"written: {options.out}")
+
+
+if __name__ == "__main__":
+    main()
