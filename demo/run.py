@@ -24,8 +24,6 @@ OURS = {"time": 1024.0}
 EVERYWHERE = {**OF_PAPER, "time": 1024.0}
 PAPER = {**OF_PAPER, "time": 1024.0, "feature_threshold": 0.0, "sampling": "linear"}
 
-PHOTO = {"time": 1024.0}
-
 FACE = View(rotation=(0, 0, -25), centre=(0.13, 0.0), size=2.65, light=(-0.9, -0.6, 0.9))
 GEAR = View(rotation=(50, 0, 20), centre=(0.0, 0.2), size=2.2, light=(-0.9, -0.3, 0.7))
 
@@ -129,7 +127,7 @@ def show_photo(out: Path) -> list[Path]:
     original, blurred = photo.blurred_photo()
     image = photo.to_blender("Photo", blurred)
     print(f"\nPhotograph, blurred: {image.size[0]} x {image.size[1]} pixels")
-    run("sharpen_image", {"image": image.name, **PHOTO})
+    run("sharpen_image", {"image": image.name})
     sharp = photo.from_blender(bpy.data.images[f"{image.name} sharpened"])
     for name, pixels in (("original", original), ("blurred", blurred), ("sharpened", sharp)):
         print(f"  {name:10} steepest edges: {photo.slope(pixels):.3f} a pixel")
