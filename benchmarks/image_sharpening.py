@@ -22,7 +22,6 @@ from report import Page, table
 from scipy import ndimage
 from shock_filter import core
 from shock_filter.core.color.image_sharpening import measure_image
-from shock_filter.core.color.learned import images
 
 SIZE = 288
 PHOTOS = "astronaut", "coffee", "chelsea", "camera", "moon", "brick", "grass", "gravel", "coins"
@@ -311,7 +310,6 @@ def main() -> None:
     parser.add_argument("--steady", action="store_true", help="only the steadiness")
     parser.add_argument("--speed", action="store_true", help="only the time; needs --photos")
     options = parser.parse_args()
-    images.BY_DEFAULT = True
     page = Page(options.write and options.write / "benchmarks.md")
     if options.speed:
         page.write("image-seconds", seconds(options.photos))

@@ -144,6 +144,8 @@ def measured_each(
     if lead is None:
         groups = channel_groups(pixels.shape[2], settings)
         if is_learned(settings, False):
+            if known and known.borders.detail == 0.0:  # measured for another way
+                return tuple(with_detail(known, pixels, each) for each in groups)
             return tuple(known or measured_for_learned(pixels, each, settings) for each in groups)
         return tuple(
             known or measured(pixels, channels, settings, enlarge=settings.enlarge)

@@ -24,11 +24,6 @@ from test_images_by_width import blurred, drawing, fidelity, texture
 NONE = np.empty(0, np.float32)
 
 
-@pytest.fixture(autouse=True)
-def learned(monkeypatch):
-    monkeypatch.setattr(images, "BY_DEFAULT", True)
-
-
 def as_bytes(image):
     return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
@@ -189,6 +184,23 @@ def test_a_given_width_takes_the_place_of_the_measured_one():
     changes = [float(abs(result - image).mean()) for result in results]
     assert changes == sorted(changes) and changes[-1] > 1.5 * changes[0]
     assert fidelity(results[2], core.sharpen_image(image)) > 28
+
+
+def test_widths_beyond_all_that_it_has_learned_are_as_the_widest():
+    image = blurred(drawing(), 3.0)
+    widest, wide = (
+        core.sharpen_image(image, core.ImageSettings(width=width)) for width in (16.0, 64.0)
+    )
+    np.testing.assert_array_equal(wide, widest)
+
+
+def test_what_another_way_has_measured_lacks_no_detail():
+    image = blurred(drawing(), 2.0)
+    known = core.measure_image(image, core.ImageSettings(what="photo"))
+    np.testing.assert_array_equal(
+        core.sharpen_image(image, known=known),
+        core.sharpen_image(image, known=core.measure_image(image)),
+    )
 
 
 def test_what_or_a_guide_leave_it_to_the_width():

@@ -18,10 +18,7 @@ from ..by_width.measuring import Measured, scale_of, tell_closed
 from .first import SIGMAS
 from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
-from .surroundings import CELL, STRIP
-
-BY_DEFAULT = True
-"""Whether images are sharpened so unless settings say otherwise."""
+from .surroundings import CELL, SOFTEST, STRIP
 
 _AROUND = gaussian(SIGMAS[-1])
 
@@ -32,7 +29,7 @@ def is_learned(settings: ImageSettings, has_guide: bool) -> bool:
     Not if a time or What is given, or a guide, or if it is enlarged.
     """
     by_itself = settings.by_width and settings.what == "auto" and settings.enlarge == 1
-    return BY_DEFAULT and by_itself and not has_guide
+    return by_itself and not has_guide
 
 
 def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
@@ -96,7 +93,7 @@ def sharpen_pixels_learned(
         given, out, part = pixels[top:, left:], target[top:, left:], begun
     with phase(0.0, 0.02, "Sharpening"):
         planes = Planes.of(given, channels)
-    square = (settings.width / WIDTH_OF_SIGMA) ** 2
+    square = min(settings.width / WIDTH_OF_SIGMA, SOFTEST) ** 2  # the widest that it has learned
     nearest = settings.sampling == "nearest"
     wishes = Wishes(FAINT * found.borders.detail, square, settings.smoothing_passes, nearest)
     with phase(0.02, 0.98, "Sharpening"):
