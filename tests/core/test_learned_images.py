@@ -11,7 +11,6 @@ from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.color.chunked import counting_reruns
 from shock_filter.core.color.image_sharpening import measure_image
-from shock_filter.core.color.learned import images
 from shock_filter.core.color.learned.planes import Planes
 from shock_filter.core.color.learned.recipe import DEFINITION, STAGES, WEIGHTS
 from shock_filter.core.color.learned.rows import half_log
@@ -187,7 +186,7 @@ def test_a_given_width_takes_the_place_of_the_measured_one():
 
 
 def test_widths_beyond_all_that_it_has_learned_are_as_the_widest():
-    image = blurred(drawing(), 3.0)
+    image = blurred(drawing(3), 3.0)
     widest, wide = (
         core.sharpen_image(image, core.ImageSettings(width=width)) for width in (16.0, 64.0)
     )
@@ -195,11 +194,11 @@ def test_widths_beyond_all_that_it_has_learned_are_as_the_widest():
 
 
 def test_what_another_way_has_measured_lacks_no_detail():
-    image = blurred(drawing(), 2.0)
-    known = core.measure_image(image, core.ImageSettings(what="photo"))
+    image = blurred(drawing(3), 2.0)
+    known = measure_image(image, core.ImageSettings(what="photo"))
     np.testing.assert_array_equal(
         core.sharpen_image(image, known=known),
-        core.sharpen_image(image, known=core.measure_image(image)),
+        core.sharpen_image(image, known=measure_image(image)),
     )
 
 
