@@ -2,7 +2,6 @@
 """Blender's command line: batch.py, run in a Blender process that the tests share."""
 
 import copy
-import functools
 import json
 import os
 import shutil
@@ -127,20 +126,29 @@ class Run:
 
 def start_process():
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    return subprocess.Popen([sys.executable, "-c", PROCESS], text=True, **pipes)
+    return subprocess.Popen([sys.executable, "-X", "faulthandler", "-c", PROCESS], text=True, **pipes)
 
 
 def end_process(process):
     process.communicate(timeout=60)
 
 
-shared_process = functools.cache(start_process)
+_shared = []
+
+
+def shared_process():
+    """Return the process that tests share; one that has ended is started again."""
+    if not _shared or _shared[0].poll() is not None:
+        _shared[:] = [start_process()]
+    return _shared[0]
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _shared_process_ends():
     yield
-    end_process(shared_process())
+    for process in _shared:
+        end_process(process)
+    _shared.clear()
 
 
 def blender(*words, before="", after="", look_at=None, alone=False):
@@ -159,7 +167,7 @@ def blender(*words, before="", after="", look_at=None, alone=False):
         if alone:
             end_process(process)
         out, err = (path.read_text(encoding="utf-8") for path in outputs)
-    assert code, f"Blender has ended:\n{err}"
+    assert code, f"Blender has ended with {process.wait(60)}:\n{err}"
     run = Run(int(code), out, err)
     if look_at is not None and run.code == 0:
         run.state = json.loads(run.out.splitlines()[-1])
