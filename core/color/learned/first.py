@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.parallel import kernel
-from ...grid.windows import gaussian
-from .planes import Planes, Singles
+from .planes import Planes, gaussian_of
 from .rows import (
     add_slopes,
     add_square,
@@ -30,9 +29,7 @@ from .surroundings import (
     POOLED,
     TOLD_AROUND,
     TOTAL,
-    enlarged_row,
-    places,
-    quarter_means,
+    Singles,
     told_around,
 )
 
@@ -56,15 +53,13 @@ TOLD = (TOLD_AROUND + POOLED + BANDS * (BANDS + 1) // 2 + 3 * len(REACHES) + len
         + len(SLOPES))  # fmt: skip
 """Numbers that it is told of each pixel."""
 
-NEAR = gaussian(1.8)
-"""Weights of the smoothing of energies nearby."""
+NEAR = 1.8
+"""Sigma of the smoothing of energies nearby."""
 
-_WEIGHTS = [gaussian(sigma) for sigma in SIGMAS]
-
-HALO = max(len(NEAR), REACHES[-1] + 1)
+HALO = max(len(gaussian_of(NEAR)), REACHES[-1] + 1)
 """Rows around a strip whose smoothings are needed: energies nearby, whose slopes need one more."""
 
-REACH = HALO + len(_WEIGHTS[-1])
+REACH = HALO + len(gaussian_of(SIGMAS[-1]))
 """Radius in pixels within which an image affects energies nearby."""
 
 
@@ -85,7 +80,7 @@ class First:
     def __init__(self, planes: Planes, floor: float, square: float = 0.0) -> None:
         self.planes = planes
         self.base = planes.values
-        _, height, width = planes.values.shape
+        height = planes.values.shape[1]
 
         def energies(top: int, bottom: int) -> Singles:
             around = max(top - 1, 0), min(bottom + 1, height)
@@ -94,15 +89,16 @@ class First:
             return planes.with_opacity(found, top, bottom)
 
         weighted = planes.opacity.size > 0
-        small = quarter_means(POOLED + 2 + weighted, (height, width), energies)
+        self.surroundings = planes.surroundings()
+        small = self.surroundings.means(POOLED + 2 + weighted, energies)
         sigmas = SIGMAS[SLOPES[0]], SIGMAS[SLOPES[1]]
-        self.around = told_around(small, weighted, floor, (sigmas[0] ** 2, sigmas[1] ** 2), square)
-        self.places = places(width)
+        self.around = told_around(self.surroundings, small, weighted, floor,
+                                  (sigmas[0] ** 2, sigmas[1] ** 2), square)  # fmt: skip
 
     def _smoothed(self, top: int, bottom: int) -> Singles:
-        return np.stack([self.planes.smoothed(weights, top, bottom) for weights in _WEIGHTS])
+        return np.stack([self.planes.smoothed(sigma, top, bottom) for sigma in SIGMAS])
 
-    def strip(self, top: int, bottom: int) -> _Strip:
+    def strip(self, top: int, bottom: int) -> FirstStrip:
         """Prepare some rows."""
         height = self.base.shape[1]
         first, last = max(top - HALO, 0), min(bottom + HALO, height)
@@ -110,12 +106,12 @@ class First:
         low, high = self.planes.ranges(REACHES, first, last)
         energies = _energies_of(self.planes, smooth, first, last)
         near = self.planes.averaged(energies[:POOLED], first, NEAR, top, bottom)
-        return _Strip(self, top, first, smooth, low, high, energies, near)
+        return FirstStrip(self, top, first, smooth, low, high, energies, near)
 
 
 @dataclass(frozen=True)
-class _Strip:
-    # Arrays of the rows from `first` on; energies nearby from `top` on.
+class FirstStrip:
+    """Some rows: arrays of those from `first` on, and energies nearby from `top` on."""
 
     stage: First
     top: int
@@ -138,9 +134,9 @@ class _Strip:
         differences = np.empty((DIFFERENCES, c, stop - start, w), np.float32)
         told = np.empty((TOLD, stop - start, w), np.float32)
         opacity = self.stage.planes.opacity
+        large = self.stage.surroundings.rows(self.stage.around, start, stop)
         _tell(start, stop, self.top, self.first, values, opacity, self.smooth, self.low, self.high,
-              self.energies, self.near, self.stage.around, *self.stage.places, differences,
-              told)  # fmt: skip
+              self.energies, self.near, large, differences, told)  # fmt: skip
         return differences, told
 
 
@@ -196,12 +192,10 @@ def _put_differences(y, n, first, values, smooth, low, high, d):
 
 
 @kernel
-def _tell(start, stop, top, first, values, opacity, smooth, low, high, energies, near, around,
-          place, rest, d, told):  # fmt: skip
+def _tell(start, stop, top, first, values, opacity, smooth, low, high, energies, near, large,
+          d, told):  # fmt: skip
     c, _, w = values.shape
     share = np.float32(1 / c)
-    line = np.empty(around.shape[2] + 1, np.float32)
-    large = np.empty((len(around), w), np.float32)
     inverse, scale, spare = (
         np.empty(w, np.float32), np.empty(w, np.float32), np.empty(w, np.float32)
     )  # fmt: skip
@@ -210,10 +204,9 @@ def _tell(start, stop, top, first, values, opacity, smooth, low, high, energies,
     for y in range(start, stop):
         n = y - start
         _put_differences(y, n, first, values, smooth, low, high, d)
-        enlarged_row(around, y, place, rest, line, large)
         for k in range(TOTAL):
-            told[k, n] = large[k]
-        total = large[TOTAL]
+            told[k, n] = large[k, n]
+        total = large[TOTAL, n]
         scales_of(near, top, y, BANDS, share, total, inverse, scale)
         at = TOTAL
         for k in range(POOLED):

@@ -12,15 +12,12 @@ from ...base.progress import aside, phase
 from ...grid.borders import Borders, measure_borders, windows_to_measure
 from ...grid.channels import Channels
 from ...grid.part import Part
-from ...grid.windows import gaussian
 from ...settings import WIDTH_OF_SIGMA, ImageSettings
 from ..by_width.measuring import Measured, scale_of, tell_closed
 from .first import SIGMAS
 from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
 from .surroundings import CELL, SOFTEST, STRIP
-
-_AROUND = gaussian(SIGMAS[-1])
 
 
 def is_learned(settings: ImageSettings, has_guide: bool) -> bool:
@@ -40,7 +37,7 @@ def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
     def measure(start: int, stop: int) -> None:
         for i in range(start, stop):
             planes = Planes.of(pixels[windows[i]], channels)
-            away = planes.values - planes.smoothed(_AROUND, 0, planes.values.shape[1])
+            away = planes.values - planes.smoothed(SIGMAS[-1], 0, planes.values.shape[1])
             squares = np.square(away, dtype=np.float64)
             if planes.opacity.size:
                 squares *= planes.opacity / max(planes.opacity.mean(dtype=np.float64), 1e-6)

@@ -1,21 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Channels of an image as planes of float32, beside their opacity."""
+"""Channels of an image as planes of float32, beside their opacity.
+
+The stages ask `Planes` for all that depends on where pixels lie, so that what has other neighbours,
+such as the texels of an atlas, gives another kind of planes.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
 from ...base.checks import BAND, SCALES
 from ...base.parallel import blocks, kernel
+from ...grid.advect import advect_pixels
 from ...grid.channels import Channels
-from ...grid.windows import least_and_greatest, smooth_rows
-
-Singles = npt.NDArray[np.float32]
+from ...grid.part import Part
+from ...grid.potential import image_potential
+from ...grid.windows import gaussian, least_and_greatest, smooth_rows
+from .surroundings import Singles, Squares, Surroundings
 
 NONE = np.empty((0, 0), np.float32)
+
+gaussian_of = cache(gaussian)
 
 
 @dataclass(frozen=True)
@@ -31,6 +40,9 @@ class Planes:
 
     values: Singles
     opacity: Singles
+
+    whole = False
+    """Whether rows can only be smoothed together with all others."""
 
     @classmethod
     def of(cls, pixels: npt.NDArray, channels: Channels) -> Planes:
@@ -51,6 +63,10 @@ class Planes:
         """Return other values of the same opacity."""
         return Planes(values, self.opacity)
 
+    def surroundings(self) -> Surroundings:
+        """Return what finds means over wide surroundings."""
+        return Squares(*self.values.shape[1:])
+
     def premultiplied(self) -> Planes:
         """Return the values times their opacity, all of which count alike."""
         return Planes(self.values * self.opacity, NONE) if self.opacity.size else self
@@ -62,9 +78,10 @@ class Planes:
         return np.ascontiguousarray(energies)
 
     def averaged(
-        self, energies: Singles, first: int, weights: Singles, top: int, bottom: int
+        self, energies: Singles, first: int, sigma: float, top: int, bottom: int
     ) -> Singles:
         """Smooth energies that were weighted by opacity: (k, rows from `first` on, w)."""
+        weights = gaussian_of(sigma)
         count, rows, width = energies.shape
         height = self.values.shape[1]
         out = np.empty((count, bottom - top, width), np.float32)
@@ -76,8 +93,9 @@ class Planes:
         smooth_rows(self.opacity[first : first + rows], first, height, weights, top, spread)
         return np.divide(out, spread, out=out, where=spread > 0)
 
-    def smoothed(self, weights: Singles, top: int, bottom: int) -> Singles:
+    def smoothed(self, sigma: float, top: int, bottom: int) -> Singles:
         """Smooth some rows, weighted by opacity: (c, rows, w)."""
+        weights = gaussian_of(sigma)
         count, height, width = self.values.shape
         out = np.empty((count, bottom - top, width), np.float32)
         if not self.opacity.size:
@@ -115,6 +133,44 @@ class Planes:
         if hidden is not None:
             low[..., hidden], high[..., hidden] = 0, 0
         return low, high
+
+    def flowed(
+        self, times: Singles, brightness: Singles, passes: int, nearest: bool, part: Part | None
+    ) -> Planes:
+        """Let the values flow.
+
+        Parameters
+        ----------
+        times : (h, w) float32
+        brightness : (k,) float32
+            As in `Channels`.
+        passes : int
+            Smoothing passes on the flow.
+        nearest : bool
+            As in `advect_pixels`.
+        part : Part, optional
+            The pixels that are wanted, if the image is a part of another one; others stay.
+        """
+        pixels, channels = self.interleaved(brightness)
+        potential = image_potential(pixels, 1.0, channels, passes)
+        out = pixels.copy()
+        advect_pixels(pixels, channels, potential, times, out, nearest=nearest, part=part)
+        return self.with_values(planes_of(out[..., : channels.stop]))
+
+    def interleaved(self, brightness: Singles) -> tuple[Singles, Channels]:
+        """Return pixels (h, w, c), with opacity as the last channel if there is one."""
+        count, height, width = self.values.shape
+        alpha = count if self.opacity.size else -1
+        pixels = np.empty((height, width, count + (alpha >= 0)), np.float32)
+        pixels[..., :count] = np.moveaxis(self.values, 0, 2)
+        if alpha >= 0:
+            pixels[..., alpha] = self.opacity
+        return pixels, Channels(0, count, alpha, brightness)
+
+
+def planes_of(pixels: Singles) -> Singles:
+    """Return the channels of pixels (h, w, c) as planes of their own."""
+    return np.ascontiguousarray(np.moveaxis(pixels, 2, 0))
 
 
 @kernel

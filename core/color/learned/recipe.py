@@ -9,7 +9,7 @@ what changes little has a result that changes little.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,10 +23,10 @@ from ...grid.potential import flow_reach
 from ...mixture.network import Network, digest, load
 from . import first as first_stage
 from . import second as second_stage
-from .first import First
-from .planes import Planes, Singles, keep_within
-from .second import Second, flow_times, flowed
-from .surroundings import CELL, SOFTEST, STRIP, WIDE, reach_of_surroundings
+from .first import First, FirstStrip
+from .planes import Planes, keep_within
+from .second import Second, SecondStrip, flow_times
+from .surroundings import CELL, SOFTEST, STRIP, WIDE, Singles, reach_of_surroundings
 
 WEIGHTS = Path(__file__).with_name("images.npz")
 
@@ -121,7 +121,7 @@ def second_of(
 ) -> Second:  # fmt: skip
     """Prepare the second stage."""
     wider = part and part.wider(second_stage.REACH)
-    moved = flowed(result, flow_times(first), brightness, wishes.passes, wishes.nearest, wider)
+    moved = result.flowed(flow_times(first), brightness, wishes.passes, wishes.nearest, wider)
     return Second(first, result, shares, moved)
 
 
@@ -135,8 +135,7 @@ def mixed(
     kept = np.empty((stage.differences if keep_shares else 0, height, width), np.float16)
     rows = max(_PIXELS // width, 1)
 
-    def work(start: int, stop: int) -> None:
-        strip = stage.strip(start, stop)
+    def mix(strip: FirstStrip | SecondStrip, start: int, stop: int) -> None:
         for y in range(start, stop, rows):
             end = min(y + rows, stop)
             differences, told = strip.rows(y, end)
@@ -147,7 +146,10 @@ def mixed(
             if keep_shares:
                 kept[:, y:end] = shares
 
-    run(work, height, chunk=STRIP)
+    if stage.planes.whole:
+        run(partial(mix, stage.strip(0, height)), height, chunk=STRIP)
+    else:
+        run(lambda start, stop: mix(stage.strip(start, stop), start, stop), height, chunk=STRIP)
     return out, kept
 
 

@@ -9,14 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...base.parallel import kernel, run
-from ...grid.advect import advect_pixels
-from ...grid.channels import Channels
-from ...grid.part import Part
-from ...grid.potential import image_potential
-from ...grid.windows import gaussian, smooth_rows
 from .first import DIFFERENCES as FIRST_DIFFERENCES
 from .first import NEAR, REACHES, First
-from .planes import Planes, Singles
+from .planes import Planes, gaussian_of
 from .rows import (
     add_square,
     add_squared_difference,
@@ -32,11 +27,9 @@ from .surroundings import (
     TOLD_AROUND,
     TOTAL,
     WIDTH,
-    enlarged_row,
-    quarter_means,
+    Singles,
     reach_of_wide,
     relative,
-    smoothed_each,
 )
 
 DIFFERENCES = 5
@@ -66,11 +59,9 @@ _SQUARED_WIDTH = 6.57
 _FAINT = 0.05
 """Pixels of less opacity flow as if they had this one."""
 
-_SOFT = [gaussian(sigma) for sigma in SOFT]
-_FLOWED = gaussian(FLOWED)
-_CONTRAST = gaussian(REACHES[SPAN] / 2)
+_CONTRAST = REACHES[SPAN] / 2
 
-REACH = reach_of_wide() + len(_FLOWED) + len(NEAR)
+REACH = reach_of_wide() + len(gaussian_of(FLOWED)) + len(gaussian_of(NEAR))
 """Radius in pixels within which the flowed image affects a pixel."""
 
 
@@ -80,7 +71,7 @@ def flow_times(first: First) -> Singles:
     times = np.empty((height, width), np.float32)
     premultiplied = first.planes.premultiplied()
     reach = REACHES[SPAN]
-    around = len(_CONTRAST) - 1
+    around = len(gaussian_of(_CONTRAST)) - 1
 
     def work(start: int, stop: int) -> None:
         top, bottom = max(start - around, 0), min(stop + around, height)
@@ -88,43 +79,12 @@ def flow_times(first: First) -> Singles:
         low, high = premultiplied.ranges((reach,), *outer)
         contrast = np.empty((bottom - top, width), np.float32)
         _contrasts(top, bottom, outer[0], low[0], high[0], contrast)
-        smooth_rows(contrast, top, height, _CONTRAST, start, times[start:stop])
-        _times(start, stop, first.around[WIDTH:], *first.places, first.planes.opacity, times)
+        times[start:stop] = premultiplied.averaged(contrast[None], top, _CONTRAST, start, stop)[0]
+        large = first.surroundings.rows(first.around[WIDTH:], start, stop)
+        _times(start, stop, large, first.planes.opacity, times)
 
-    run(work, height, chunk=STRIP)
+    run(work, height, chunk=height if first.planes.whole else STRIP)
     return times
-
-
-def flowed(
-    result: Planes, times: Singles, brightness: Singles, passes: int, nearest: bool,
-    part: Part | None,
-) -> Planes:  # fmt: skip
-    """Let the first stage's result flow.
-
-    Parameters
-    ----------
-    result : Planes
-    times : (h, w) float32
-    brightness : (k,) float32
-        As in `Channels`.
-    passes : int
-        Smoothing passes on the flow.
-    nearest : bool
-        As in `advect_pixels`.
-    part : Part, optional
-        The pixels that are wanted, if the image is a part of another one; others stay.
-    """
-    count, height, width = result.values.shape
-    alpha = count if result.opacity.size else -1
-    pixels = np.empty((height, width, count + (alpha >= 0)), np.float32)
-    pixels[..., :count] = np.moveaxis(result.values, 0, 2)
-    if alpha >= 0:
-        pixels[..., alpha] = result.opacity
-    channels = Channels(0, count, alpha, brightness)
-    potential = image_potential(pixels, 1.0, channels, passes)
-    out = pixels.copy()
-    advect_pixels(pixels, channels, potential, times, out, nearest=nearest, part=part)
-    return result.with_values(np.ascontiguousarray(np.moveaxis(out[..., :count], 2, 0)))
 
 
 class Second:
@@ -147,17 +107,17 @@ class Second:
         self, first: First, result: Planes, shares: npt.NDArray[np.float16], moved: Planes
     ) -> None:
         self.first, self.result, self.shares, self.moved = first, result, shares, moved
+        self.planes = first.planes
         self.base = result.values
-        _, height, width = self.base.shape
         weighted = result.opacity.size > 0
-        small = quarter_means(DIFFERENCES + weighted, (height, width), self._energies)
-        wide = relative(smoothed_each(small, weighted), first.around[TOTAL])
+        self.surroundings = first.surroundings
+        small = self.surroundings.means(DIFFERENCES + weighted, self._energies)
+        wide = relative(self.surroundings.smoothed(small, weighted), first.around[TOTAL])
         self.around = np.concatenate([first.around[:TOTAL], wide, first.around[TOTAL:]])
-        self.places = first.places
 
     def _smoothed(self, top: int, bottom: int) -> tuple[Singles, Singles]:
-        fine, coarse = (self.result.smoothed(weights, top, bottom) for weights in _SOFT)
-        moved = self.moved.values[:, top:bottom], self.moved.smoothed(_FLOWED, top, bottom)
+        fine, coarse = (self.result.smoothed(sigma, top, bottom) for sigma in SOFT)
+        moved = self.moved.values[:, top:bottom], self.moved.smoothed(FLOWED, top, bottom)
         return np.stack([fine, coarse]), np.stack(moved)
 
     def _energies(self, top: int, bottom: int) -> Singles:
@@ -166,27 +126,27 @@ class Second:
 
     def _energies_of(self, top: int, bottom: int, soft: Singles, moved: Singles) -> Singles:
         out = np.empty((DIFFERENCES, bottom - top, self.base.shape[2]), np.float32)
-        planes = self.first.planes
+        planes = self.planes
         _energies(top, bottom, planes.values, planes.opacity, self.base, soft, moved, out)
         return out
 
-    def strip(self, top: int, bottom: int) -> _Strip:
+    def strip(self, top: int, bottom: int) -> SecondStrip:
         """Prepare some rows."""
         height = self.base.shape[1]
-        reach = max(len(NEAR) - 1, REACHES[-1])
+        reach = max(len(gaussian_of(NEAR)) - 1, REACHES[-1])
         first, last = max(top - reach, 0), min(bottom + reach, height)
         soft, moved = self._smoothed(first, last)
         energies = self._energies_of(first, last, soft, moved)
         near = self.result.averaged(energies, first, NEAR, top, bottom)
         low, high = self.result.ranges((1,), first, last)
-        least, most = self.first.planes.ranges((REACHES[-1],), first, last)
+        least, most = self.planes.ranges((REACHES[-1],), first, last)
         limits = first, least[0], most[0]
-        return _Strip(self, top, first, soft, moved, near, low[0], high[0], limits)
+        return SecondStrip(self, top, first, soft, moved, near, low[0], high[0], limits)
 
 
 @dataclass(frozen=True)
-class _Strip:
-    # Arrays of the rows from `first` on; energies nearby from `top` on.
+class SecondStrip:
+    """Some rows: arrays of those from `first` on, and energies nearby from `top` on."""
 
     stage: Second
     top: int
@@ -205,9 +165,10 @@ class _Strip:
         differences = np.empty((DIFFERENCES, c, stop - start, w), np.float32)
         told = np.empty((TOLD, stop - start, w), np.float32)
         shares = stage.shares[:, start:stop].astype(np.float32)
+        large = stage.surroundings.rows(stage.around, start, stop)
         _tell(start, stop, self.top, self.first, stage.first.base, stage.base, self.soft,
-              self.moved, shares, self.low, self.high, self.near, stage.around,
-              *stage.places, differences, told)  # fmt: skip
+              self.moved, shares, self.low, self.high, self.near, large, differences,
+              told)  # fmt: skip
         return differences, told
 
 
@@ -223,14 +184,11 @@ def _contrasts(top, bottom, first, low, high, out):
 
 
 @kernel
-def _times(start, stop, around, place, rest, opacity, times):
+def _times(start, stop, large, opacity, times):
     # `times` holds contrasts.
     width = times.shape[1]
-    line = np.empty(around.shape[2] + 1, np.float32)
-    large = np.empty((2, width), np.float32)
     for y in range(start, stop):
-        enlarged_row(around, y, place, rest, line, large)
-        row, squared, total = times[y], large[0], large[1]
+        row, squared, total = times[y], large[0, y - start], large[1, y - start]
         if opacity.size > 0:
             for x in range(width):
                 total[x] *= max(opacity[y, x], np.float32(_FAINT)) ** 2
@@ -268,13 +226,11 @@ def _energies(top, bottom, values, opacity, base, soft, moved, out):
 
 
 @kernel
-def _tell(start, stop, top, first, values, base, soft, moved, shares, low, high, near, around,
-          place, rest, d, told):  # fmt: skip
+def _tell(start, stop, top, first, values, base, soft, moved, shares, low, high, near, large,
+          d, told):  # fmt: skip
     c, _, w = base.shape
     share = np.float32(1 / c)
-    last = len(around) - 1
-    line = np.empty(around.shape[2] + 1, np.float32)
-    large = np.empty((len(around), w), np.float32)
+    last = len(large) - 1
     inverse, scale, spare = (
         np.empty(w, np.float32), np.empty(w, np.float32), np.empty(w, np.float32)
     )  # fmt: skip
@@ -283,10 +239,9 @@ def _tell(start, stop, top, first, values, base, soft, moved, shares, low, high,
     for y in range(start, stop):
         n = y - start
         _put_differences(y, n, first, values, base, soft, moved, d)
-        enlarged_row(around, y, place, rest, line, large)
         for k in range(last):
-            told[k, n] = large[k]
-        total = large[last]
+            told[k, n] = large[k, n]
+        total = large[last, n]
         at = last
         for k in range(len(shares)):
             told[at, n] = shares[k, n]

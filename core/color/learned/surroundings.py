@@ -2,20 +2,23 @@
 """What lies around a pixel: energies at a quarter and at a sixteenth of the image's size.
 
 Squares of 4 and of 16 pixels begin at the image's corner, so that a part of an image has the same
-ones as the whole if it begins at a multiple of 16 pixels.
+ones as the whole if it begins at a multiple of 16 pixels. What is no image has `Surroundings` of
+another kind.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from ...base.parallel import kernel, run
 from ...grid.windows import smooth
-from .planes import Singles
 from .rows import half_log
+
+Singles = npt.NDArray[np.float32]
 
 CELL = 16
 """Pixels along a side of the largest squares."""
@@ -56,57 +59,103 @@ def reach_of_wide() -> int:
     return (len(WIDE) + 1) * 4
 
 
-def quarter_means(
-    count: int, shape: tuple[int, int], energies: Callable[[int, int], Singles]
-) -> Singles:
-    """Average energies over squares of 4 pixels: (count, ceil(h / 4), ceil(w / 4)) float32.
+class Surroundings(Protocol):
+    """Finds means of energies over wide surroundings.
 
-    Parameters
-    ----------
-    count : int
-        Number of energies.
-    shape : (int, int)
-        The image's.
-    energies : callable
-        ``energies(top, bottom)`` computes those of some rows: (count, rows, w).
+    Means are arrays (k, ...) of whatever shape: only these methods look into it.
     """
-    small = np.empty((count, *(-(-n // 4) for n in shape)), np.float32)
 
-    def work(start: int, stop: int) -> None:
-        found = energies(start, stop)
-        part = np.empty((count, -(-(stop - start) // 4), small.shape[2]), np.float32)
-        _reduce(0, count, found, part)
-        small[:, start // 4 : start // 4 + part.shape[1]] = part
+    def means(self, count: int, energies: Callable[[int, int], Singles]) -> Singles:
+        """Average energies over squares of 4 pixels.
 
-    run(work, shape[0], chunk=STRIP)
-    return small
+        Parameters
+        ----------
+        count : int
+            Number of energies.
+        energies : callable
+            ``energies(top, bottom)`` computes those of some rows: (count, rows, w).
+        """
 
+    def smoothed(self, means: Singles, weighted: bool) -> Singles:
+        """Smooth means over 8 pixels or so; if `weighted`, the last are the others' weights."""
 
-def smoothed_each(planes: Singles, weighted: bool) -> Singles:
-    """Smooth planes over 8 of their pixels or so; the last are their weights if `weighted`."""
-    out = np.empty_like(planes)
+    def of_region(self, means: Singles, weighted: bool) -> Singles:
+        """Smooth means over 32 pixels or so."""
 
-    def work(start: int, stop: int) -> None:
-        for k in range(start, stop):
-            out[k] = smooth(planes[k], WIDE)
-
-    run(work, len(planes), chunk=1)
-    return averages(out[:-1], out[-1]) if weighted else out
+    def rows(self, means: Singles, start: int, stop: int) -> Singles:
+        """Read means at the pixels of some rows: (k, rows, w)."""
 
 
-def averages(sums: Singles, weights: Singles) -> Singles:
-    """Divide smoothed values, in place, by their smoothed weights."""
-    return np.divide(sums, weights, out=sums, where=weights > 0)
+class Squares:
+    """Surroundings in an image; means are (k, ceil(h / 4), ceil(w / 4)) float32."""
+
+    def __init__(self, height: int, width: int) -> None:
+        self._height = height
+        self._places = places(width)
+
+    def means(self, count: int, energies: Callable[[int, int], Singles]) -> Singles:
+        """Average energies over squares of 4 pixels, strip by strip."""
+        width = len(self._places[0])
+        small = np.empty((count, -(-self._height // 4), -(-width // 4)), np.float32)
+
+        def work(start: int, stop: int) -> None:
+            found = energies(start, stop)
+            part = np.empty((count, -(-(stop - start) // 4), small.shape[2]), np.float32)
+            _reduce(0, count, found, part)
+            small[:, start // 4 : start // 4 + part.shape[1]] = part
+
+        run(work, self._height, chunk=STRIP)
+        return small
+
+    def smoothed(self, means: Singles, weighted: bool) -> Singles:
+        """Smooth means over 8 pixels or so."""
+        out = np.empty_like(means)
+
+        def work(start: int, stop: int) -> None:
+            for k in range(start, stop):
+                out[k] = smooth(means[k], WIDE)
+
+        run(work, len(means), chunk=1)
+        return averages(out, weighted)
+
+    def of_region(self, means: Singles, weighted: bool) -> Singles:
+        """Smooth means over 32 pixels or so, at a sixteenth of the image's size."""
+        largest = np.empty((len(means), *(-(-n // 4) for n in means.shape[1:])), np.float32)
+        run(_reduce, len(means), means, largest, chunk=1)
+        out = np.empty_like(means[:len(means) - weighted])
+        run(_enlarge, means.shape[1], self.smoothed(largest, weighted), *places(means.shape[2]), out,
+            chunk=STRIP)  # fmt: skip
+        return out
+
+    def rows(self, means: Singles, start: int, stop: int) -> Singles:
+        """Read means between the middles of squares."""
+        out = np.empty((len(means), stop - start, len(self._places[0])), np.float32)
+        _rows(start, stop, means, *self._places, out)
+        return out
+
+
+def averages(sums: Singles, weighted: bool) -> Singles:
+    """Divide smoothed values, in place, by their smoothed weights, which are the last of them."""
+    if not weighted:
+        return sums
+    values, weights = sums[:-1], sums[-1]
+    return np.divide(values, weights, out=values, where=weights > 0)
 
 
 def told_around(
-    small: Singles, weighted: bool, floor: float, slopes: tuple[float, float], square: float
+    around: Surroundings,
+    small: Singles,
+    weighted: bool,
+    floor: float,
+    slopes: tuple[float, float],
+    square: float,
 ) -> Singles:
-    """Find what networks are told of the surroundings, at a quarter of the image's size.
+    """Find what networks are told of the surroundings.
 
     Parameters
     ----------
-    small : (9, h, w) float32
+    around : Surroundings
+    small : (9, ...) float32
         Means of squares of 4 pixels: energies of the bands and of the squared gradients of two
         smoothings, and roots of two energies.
     weighted : bool
@@ -120,14 +169,9 @@ def told_around(
 
     Returns
     -------
-    (20, h, w) float32
+    (20, ...) float32
     """
-    wide = smoothed_each(small, weighted)
-    largest = np.empty((len(small), *(-(-n // 4) for n in small.shape[1:])), np.float32)
-    run(_reduce, len(small), small, largest, chunk=1)
-    region = np.empty_like(wide)
-    run(_enlarge, small.shape[1], smoothed_each(largest, weighted), *places(small.shape[2]), region,
-        chunk=STRIP)  # fmt: skip
+    wide, region = around.smoothed(small, weighted), around.of_region(small, weighted)
     told = np.empty((TOLD_AROUND + 1, *small.shape[1:]), np.float32)
     limits = np.array([_SHARPEST**2, SOFTEST**2] if square == 0 else [square, square], np.float32)
     run(_tell, small.shape[1], wide, region, np.float32(floor), np.array(slopes, np.float32),
@@ -169,6 +213,13 @@ def enlarged_row(planes, y, place, rest, line, out):
         for x in range(len(place)):
             a = line[place[x]]
             o[x] = a + rest[x] * (line[place[x] + 1] - a)
+
+
+@kernel
+def _rows(start, stop, planes, place, rest, out):
+    line = np.empty(planes.shape[2] + 1, np.float32)
+    for y in range(start, stop):
+        enlarged_row(planes, y, place, rest, line, out[:, y - start])
 
 
 @kernel
