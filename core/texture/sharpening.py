@@ -21,6 +21,7 @@ from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings, given_or_default
 from .sheet_domain import SheetDomain
+from .texel_planes import Surface
 from .texels import (
     Texture,
     checked_atlas,
@@ -33,6 +34,7 @@ from .texels import (
     written,
 )
 from .textures_by_width import follow_texels_by_width, sharpen_texels_by_width
+from .textures_learned import are_learned, sharpen_texels_learned
 
 
 @by_keyword
@@ -229,8 +231,12 @@ def _sharpened(
         read_ghosts(texture, values)
         result = copied(values)
     groups = channel_groups(values.shape[2], settings)
+    surface = Surface(atlas) if are_learned(settings, normals) else None
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
+            if surface is not None:
+                sharpen_texels_learned(surface, values, channels, settings, result)
+                continue
             if settings.by_width:
                 sharpen_texels_by_width(atlas, values, channels, settings, result, normals=normals)
                 continue

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...base.parallel import kernel
+from ...base.parallel import kernel, run
 from .planes import Planes, gaussian_of
 from .rows import (
     add_slopes,
@@ -27,6 +27,7 @@ from .rows import (
 from .surroundings import (
     BANDS,
     POOLED,
+    STRIP,
     TOLD_AROUND,
     TOTAL,
     Singles,
@@ -143,16 +144,20 @@ class FirstStrip:
 def _energies_of(planes: Planes, smooth: Singles, top: int, bottom: int) -> Singles:
     # Correct in all rows but the first and the last, unless the image ends there.
     out = np.empty((POOLED + 2, *smooth.shape[2:]), np.float32)
-    _energies(top, bottom, planes.values, planes.opacity, smooth, out)
+    given = top, planes.values, planes.opacity, smooth, out
+    if planes.whole:
+        run(_energies, bottom - top, *given, chunk=STRIP)
+    else:
+        _energies(0, bottom - top, *given)
     return out
 
 
 @kernel
-def _energies(top, bottom, values, opacity, smooth, out):
+def _energies(start, stop, top, values, opacity, smooth, out):
     # Squared bands, squared gradients of two smoothings, and roots of two energies of bands.
     c = values.shape[0]
     share = np.float32(1 / c)
-    for n in range(bottom - top):
+    for n in range(start, stop):
         for k in range(BANDS + 2):
             out[k, n] = 0
         for i in range(c):

@@ -63,6 +63,10 @@ class Planes:
         """Return other values of the same opacity."""
         return Planes(values, self.opacity)
 
+    def columns(self, start: int, stop: int) -> slice | npt.NDArray[np.bool_]:
+        """Which pixels of some rows, one row after the other, are to be computed."""
+        return slice(None)
+
     def surroundings(self) -> Surroundings:
         """Return what finds means over wide surroundings."""
         return Squares(*self.values.shape[1:])

@@ -139,7 +139,9 @@ def mixed(
         for y in range(start, stop, rows):
             end = min(y + rows, stop)
             differences, told = strip.rows(y, end)
-            shares = network.of_columns(told.reshape(len(told), -1))
+            told, chosen = told.reshape(len(told), -1), stage.planes.columns(y, end)
+            shares = np.zeros((stage.differences, told.shape[1]), np.float32)
+            shares[:, chosen] = network.of_columns(np.ascontiguousarray(told[:, chosen]))
             shares = shares.reshape(-1, end - y, width)
             first, low, high = strip.limits
             keep_within(y, end, first, base, differences, shares, low, high, out)

@@ -127,7 +127,11 @@ class Second:
     def _energies_of(self, top: int, bottom: int, soft: Singles, moved: Singles) -> Singles:
         out = np.empty((DIFFERENCES, bottom - top, self.base.shape[2]), np.float32)
         planes = self.planes
-        _energies(top, bottom, planes.values, planes.opacity, self.base, soft, moved, out)
+        given = top, planes.values, planes.opacity, self.base, soft, moved, out
+        if planes.whole:
+            run(_energies, bottom - top, *given, chunk=STRIP)
+        else:
+            _energies(0, bottom - top, *given)
         return out
 
     def strip(self, top: int, bottom: int) -> SecondStrip:
@@ -210,11 +214,11 @@ def _put_differences(y, n, first, values, base, soft, moved, d):
 
 
 @kernel
-def _energies(top, bottom, values, opacity, base, soft, moved, out):
+def _energies(start, stop, top, values, opacity, base, soft, moved, out):
     c, _, w = base.shape
     d = np.empty((DIFFERENCES, c, 1, w), np.float32)
     share = np.float32(1 / c)
-    for y in range(top, bottom):
+    for y in range(top + start, top + stop):
         _put_differences(y, 0, top, values, base, soft, moved, d)
         for k in range(DIFFERENCES):
             o = out[k, y - top]

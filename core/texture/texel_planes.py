@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Channels of a texture as planes of a sheet, whose windows reach across seams.
+
+Each step looks at the next texels only; then the ghosts around charts are read anew from beyond
+the seams. Lengths are in texels. Where the surface ends, its last texels go on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..atlas.advect import advect_texels
+from ..atlas.cell_means import CellMeans
+from ..atlas.ghosts import fill_ghosts
+from ..atlas.potential import texel_potential
+from ..atlas.sheet import ROWS
+from ..atlas.walk import shock_flow
+from ..base.parallel import kernel, run
+from ..base.progress import ask
+from ..color.learned.planes import NONE, Planes, planes_of
+from ..color.learned.surroundings import Singles, averages
+from ..grid.channels import Channels
+from ..grid.part import Part
+from ..grid.windows import smooth_rows
+
+_VARIANCE = 0.5
+"""The most that a pass smooths, along each axis."""
+
+_LEAST, _MOST = 1 / 16, 16.0
+"""Bounds on the squared area of a texel, by which its time to flow is multiplied."""
+
+
+class Surface:
+    """What planes of one atlas share.
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+    """
+
+    def __init__(self, atlas: TextureAtlas) -> None:
+        self.atlas = atlas
+        sheet, sources = atlas.sheet, atlas.sources
+        ends = sheet.ghosts[sources.cells < 0]
+        nearest = np.empty_like(ends)
+        run(_nearest_inside, len(ends), ends, sheet.nodes, nearest)
+        self._ends, self._nearest = ends[nearest >= 0], nearest[nearest >= 0]
+
+    @cached_property
+    def means(self) -> CellMeans:
+        """Means over wide surroundings."""
+        return CellMeans(self.atlas)
+
+    @cached_property
+    def inside(self) -> npt.NDArray[np.bool_]:
+        """Nodes inside charts: (rows, columns)."""
+        return self.atlas.sheet.nodes >= 0
+
+    def complete(self, planes: Singles) -> Singles:
+        """Fill the ghosts, in place: (k, rows, columns)."""
+        for plane in planes:
+            fill_ghosts(self.atlas.sheet, self.atlas.sources, plane[..., None])
+            flat = plane.reshape(-1)
+            flat[self._ends] = flat[self._nearest]
+        return planes
+
+    def smooth(self, planes: Singles, variance: float) -> Singles:
+        """Smooth planes whose ghosts are filled: (k, rows, columns)."""
+        count = math.ceil(variance / _VARIANCE)
+        side = np.float32(variance / count / 2.0)
+        weights = np.array([1 - 2 * side, side], np.float32)
+        for number in range(count):
+            ask(number / count)
+            out = np.empty_like(planes)
+            for plane, target in zip(planes, out, strict=True):
+                run(_smooth_rows, len(plane), plane, weights, target, chunk=_CHUNK)
+            planes = self.complete(out)
+        return planes
+
+    def extremes(self, low: Singles, high: Singles, steps: int) -> None:
+        """Take minima of `low` and maxima of `high` within some texels, in place."""
+        for number in range(steps):
+            ask(number / steps)
+            for k in range(len(low)):
+                before = low[k].copy(), high[k].copy()
+                run(_extremes, len(low[k]), *before, low[k], high[k], chunk=_CHUNK)
+            self.complete(low)
+            self.complete(high)
+
+
+_CHUNK = 4 * ROWS
+
+
+@dataclass(frozen=True)
+class TexelPlanes(Planes):
+    """Channels of a texture: nodes and ghosts of a sheet, all of them visible or of some opacity.
+
+    Attributes
+    ----------
+    values, opacity
+        As in `Planes`; (c, rows, columns) and (rows, columns).
+    surface : Surface
+    """
+
+    surface: Surface = field(kw_only=True)
+    whole = True
+
+    @classmethod
+    def of_texels(cls, surface: Surface, values: Singles, channels: Channels) -> TexelPlanes:
+        """Take the filtered channels of nodes and ghosts, (rows, columns, c)."""
+        planes = Planes.of(values, channels)
+        surface.complete(planes.values)
+        if planes.opacity.size:
+            surface.complete(planes.opacity[None])
+            planes.values[:, planes.opacity == 0] = 0
+        return cls(planes.values, planes.opacity, surface=surface)
+
+    def with_values(self, values: Singles) -> TexelPlanes:
+        """Return other values of the same opacity."""
+        return replace(self, values=self.surface.complete(values))
+
+    def columns(self, start: int, stop: int) -> npt.NDArray[np.bool_]:
+        """Which pixels of some rows, (rows * columns,), lie inside charts."""
+        return self.surface.inside[start:stop].reshape(-1)
+
+    def surroundings(self) -> _Means:
+        """Return what finds means over wide surroundings."""
+        return _Means(self.surface)
+
+    def premultiplied(self) -> TexelPlanes:
+        """Return the values times their opacity, all of which count alike."""
+        if not self.opacity.size:
+            return self
+        return replace(self, values=self.values * self.opacity, opacity=NONE)
+
+    def averaged(
+        self, energies: Singles, first: int, sigma: float, top: int, bottom: int
+    ) -> Singles:
+        """Smooth energies that were weighted by opacity: (k, rows, columns)."""
+        energies = self.surface.complete(np.ascontiguousarray(energies))
+        if not self.opacity.size:
+            return self.surface.smooth(energies, sigma**2)
+        both = np.concatenate([energies, self.opacity[None]])
+        return averages(self.surface.smooth(both, sigma**2), True)
+
+    def smoothed(self, sigma: float, top: int, bottom: int) -> Singles:
+        """Smooth all rows, weighted by opacity: (c, rows, columns)."""
+        if sigma not in self._smooth:
+            known, variance = self._before(sigma)
+            self._smooth[sigma] = self.surface.smooth(known, sigma**2 - variance)
+        smooth = self._smooth[sigma]
+        return averages(smooth.copy(), True) if self.opacity.size else smooth
+
+    def _before(self, sigma: float) -> tuple[Singles, float]:
+        # What was smoothed least before, and by which variance, is smoothed on.
+        less = [each for each in self._smooth if each < sigma]
+        if less:
+            return self._smooth[max(less)], max(less) ** 2
+        if not self.opacity.size:
+            return self.values, 0.0
+        return np.concatenate([self.values * self.opacity, self.opacity[None]]), 0.0
+
+    @cached_property
+    def _smooth(self) -> dict[float, Singles]:
+        return {}
+
+    def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
+        """Find the least and greatest visible values within some texels: (r, c, rows, columns)."""
+        found = []
+        done, low, high = 0, self.values.copy(), self.values.copy()
+        hidden = self.opacity == 0 if self.opacity.size else None
+        if hidden is not None:
+            low[:, hidden], high[:, hidden] = low.max(), high.min()
+        for reach in reaches:
+            self.surface.extremes(low, high, reach - done)
+            done = reach
+            found.append((low.copy(), high.copy()))
+        lows, highs = (np.stack(each) for each in zip(*found, strict=True))
+        if hidden is not None:
+            lows[..., hidden], highs[..., hidden] = 0, 0
+        return lows, highs
+
+    def flowed(
+        self, times: Singles, brightness: Singles, passes: int, nearest: bool, part: Part | None
+    ) -> TexelPlanes:
+        """Let the values flow across seams.
+
+        The flow is that of the surface; times are for texels, so that borders close alike in charts
+        of any scale.
+        """
+        atlas = self.surface.atlas
+        texels, channels = self.interleaved(brightness)
+        potential = texel_potential(atlas, texels, channels, passes)
+        areas = atlas.metric.texel_areas[np.maximum(atlas.sheet.nodes, 0)]
+        times = times * np.clip(areas * areas, _LEAST, _MOST)
+        out = texels.copy()
+        advect_texels(atlas, texels, channels, shock_flow(atlas, potential), times, out,
+                      nearest=nearest)  # fmt: skip
+        return self.with_values(planes_of(out[..., : channels.stop]))
+
+
+class _Means:
+    # Surroundings as the stages ask for them.
+
+    def __init__(self, surface: Surface) -> None:
+        self._means = surface.means
+        self._height = len(surface.atlas.sheet.nodes)
+
+    def means(self, count: int, energies: Callable[[int, int], Singles]) -> Singles:
+        return self._means.means(energies(0, self._height))
+
+    def smoothed(self, means: Singles, weighted: bool) -> Singles:
+        return averages(self._means.smoothed(means), weighted)
+
+    def of_region(self, means: Singles, weighted: bool) -> Singles:
+        return averages(self._means.of_region(means), weighted)
+
+    def rows(self, means: Singles, start: int, stop: int) -> Singles:
+        return self._means.rows(means, start, stop)
+
+
+@kernel
+def _nearest_inside(start, stop, ghosts, nodes, out):
+    columns = nodes.shape[1]
+    for i in range(start, stop):
+        y, x = divmod(ghosts[i], columns)
+        out[i] = -1
+        for n in (1, 3, 5, 7, 0, 2, 6, 8):
+            b, a = y + n // 3 - 1, x + n % 3 - 1
+            if 0 <= b < nodes.shape[0] and 0 <= a < columns and nodes[b, a] >= 0:
+                out[i] = b * columns + a
+                break
+
+
+@kernel
+def _smooth_rows(start, stop, plane, weights, out):
+    smooth_rows(plane, 0, len(plane), weights, start, out[start:stop])
+
+
+@kernel
+def _extremes(start, stop, low, high, new_low, new_high):
+    height, width = low.shape
+    least, most = np.empty(width, np.float32), np.empty(width, np.float32)
+    for y in range(start, stop):
+        up, down = max(y - 1, 0), min(y + 1, height - 1)
+        for x in range(width):
+            least[x] = min(min(low[up, x], low[down, x]), low[y, x])
+            most[x] = max(max(high[up, x], high[down, x]), high[y, x])
+        a, b = new_low[y], new_high[y]
+        for x in range(1, width - 1):
+            a[x] = min(min(least[x - 1], least[x + 1]), least[x])
+            b[x] = max(max(most[x - 1], most[x + 1]), most[x])

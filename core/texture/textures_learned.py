@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sharpening of textures by the recipe that images have learned; see `core.color.learned`.
+
+The networks are those of images. Nothing but the neighbours of texels differs: see `texel_planes`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.findings import is_gathered
+from ..base.progress import aside, phase
+from ..color.by_width.measuring import Measured, tell_closed
+from ..color.learned.first import SIGMAS
+from ..color.learned.recipe import FAINT, Wishes, sharpened
+from ..color.learned.surroundings import SOFTEST
+from ..grid.borders import Borders, measure_borders
+from ..grid.channels import Channels
+from ..settings import WIDTH_OF_SIGMA, TextureSettings
+from .texel_planes import Surface, TexelPlanes
+
+Texels = npt.NDArray[np.float32]
+
+
+def are_learned(settings: TextureSettings, normals: bool) -> bool:
+    """Whether texels are sharpened by the learned recipe.
+
+    Not normals, nor if a time or What is given.
+    """
+    return settings.by_width and settings.what == "auto" and not normals
+
+
+def sharpen_texels_learned(
+    surface: Surface,
+    values: Texels,
+    channels: Channels,
+    settings: TextureSettings,
+    result: Texels,
+) -> None:
+    """Sharpen some channels of nodes and ghosts into `result`, which holds a copy.
+
+    Parameters
+    ----------
+    surface : Surface
+    values, result : (rows, columns, c) float32
+    channels : Channels
+    settings : TextureSettings
+    """
+    inside = surface.inside
+    told = settings.width == 0 and channels.start == 0 and is_gathered()
+    borders = Borders()
+    if told:
+        with aside("Measuring borders"):
+            borders = measure_borders(values, 1.0, channels, inside=inside)
+    planes = TexelPlanes.of_texels(surface, values, channels)
+    with phase(0.0, 0.1, "Measuring borders"):
+        detail = _detail(planes)
+    square = min(settings.width / WIDTH_OF_SIGMA, SOFTEST) ** 2
+    nearest = settings.sampling == "nearest"
+    wishes = Wishes(FAINT * detail, square, settings.smoothing_passes, nearest)
+    with phase(0.1, 1.0, "Sharpening"):
+        sharp = sharpened(planes, channels.brightness, wishes)
+    for k in range(len(sharp)):
+        target = result[..., channels.start + k]
+        np.copyto(target, sharp[k], where=inside & (sharp[k] != planes.values[k]))
+    copies = surface.atlas.copies
+    flat, chosen = result.reshape(inside.size, -1), slice(channels.start, channels.stop)
+    flat[copies[:, 0], chosen] = flat[copies[:, 1], chosen]
+    if told:
+        with aside("Sharpening"):
+            same = np.array_equal(result, values)
+        found = Measured("auto", 0.0 if same else borders.width, borders)
+        tell_closed("texels", found, result, channels, inside=inside)
+
+
+def _detail(planes: TexelPlanes) -> float:
+    # How much a smoothing takes away, as a mean square.
+    weights = np.asarray(planes.surface.inside, np.float32)
+    if planes.opacity.size:
+        weights = weights * planes.opacity
+    away = np.square(planes.values - planes.smoothed(SIGMAS[-1], 0, len(weights)))
+    total = float(weights.sum(dtype=np.float64)) * len(away)
+    return float((away * weights).sum(dtype=np.float64)) / max(total, 1e-6)
