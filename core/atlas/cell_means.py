@@ -67,7 +67,7 @@ class CellMeans:
         sheet = atlas.sheet
         labels = atlas.charts.labels
         nearest = nearest_nodes(sheet, atlas.sources)
-        self._sheet, self._chart_labels = sheet, labels
+        self._sheet = sheet
         self._fine = _squares(sheet, labels, FINE)
         ask()
         coarse = _squares(sheet, labels, COARSE)
@@ -112,10 +112,8 @@ class CellMeans:
     def rows(self, means: Singles, start: int, stop: int) -> Singles:
         """Read means between the middles of squares: (k, rows, columns); 0 outside charts."""
         out = np.zeros((len(means), stop - start, self._sheet.nodes.shape[1]), np.float32)
-        each = np.ascontiguousarray(means[:, 0].T)
         fine = self._fine
-        _read(start, stop, self._sheet, self._chart_labels, fine.starts, fine.labels, fine.owners,
-              each, out)  # fmt: skip
+        _read(start, stop, self._sheet, fine.starts, fine.labels, fine.owners, means[:, 0], out)
         return out
 
     def _filled_in(self, values: Singles) -> Singles:
@@ -287,30 +285,35 @@ def _average(start, stop, energies, owners, counts, out):
 
 
 @kernel
-def _read(start, stop, sheet, labels, starts, found, owners, each, out):
+def _read(start, stop, sheet, starts, found, owners, means, out):
     columns = sheet.nodes.shape[1]
     across = -(-columns // FINE)
     last = -(-sheet.nodes.shape[0] // FINE) - 1
     half = np.float32(0.5)
+    squares, weights = np.zeros((4, columns), np.int32), np.empty((4, columns), np.float32)
     for y in range(start, stop):
         down = (y + half) / np.float32(FINE) - half
         top = int(np.floor(down))
         down -= np.float32(top)
+        weights[:] = 0
         for x in range(columns):
             own = owners[y, x]
             if own < 0:
                 continue
-            label = found[own]
             right = (x + half) / np.float32(FINE) - half
             left = int(np.floor(right))
             right -= np.float32(left)
             for n in range(4):
                 b, a = top + n // 2, left + n % 2
-                square = own
+                squares[n, x] = own
                 if 0 <= b <= last and 0 <= a < across:
-                    there = _square_at(starts, found, b * across + a, label)
-                    square = there if there >= 0 else own
+                    there = _square_at(starts, found, b * across + a, found[own])
+                    squares[n, x] = there if there >= 0 else own
                 weight = down if n >= 2 else np.float32(1) - down
-                weight *= right if n % 2 == 1 else np.float32(1) - right
-                for k in range(each.shape[1]):
-                    out[k, y - start, x] += weight * each[square, k]
+                weights[n, x] = weight * (right if n % 2 == 1 else np.float32(1) - right)
+        for k in range(len(means)):
+            row, values = out[k, y - start], means[k]
+            for n in range(4):
+                square, weight = squares[n], weights[n]
+                for x in range(columns):
+                    row[x] += weight[x] * values[square[x]]

@@ -110,6 +110,13 @@ def fill_ghosts(
     return known
 
 
+def fill_planes(
+    sheet: Sheet, sources: GhostSources, planes: npt.NDArray[np.float32]
+) -> None:
+    """Do as `fill_ghosts`, for planes that lie one after the other: (k, rows, columns)."""
+    run(_fill_planes, len(planes), sheet.nodes, sheet.ghosts, sources, planes, chunk=1)
+
+
 def nearest_nodes(sheet: Sheet, sources: GhostSources) -> Ints:
     """Return the node inside a chart nearest to each node or ghost: (rows * columns,).
 
@@ -366,6 +373,22 @@ def _read_ghosts(
         known_now[i] = True
         if rotates:
             turn_direction(rotations[i], found[i], centre)
+
+
+@kernel
+def _fill_planes(start, stop, nodes, ghosts, sources, planes):
+    found = np.empty((len(ghosts), 1), np.float32)
+    for k in range(start, stop):
+        values = planes[k].reshape(-1, 1)
+        known = np.zeros(len(ghosts), np.bool_)
+        for _ in range(_ROUNDS):
+            known_now = np.zeros_like(known)
+            _read_ghosts(0, len(ghosts), nodes, sources, values, -1, False, np.float32(0), known,
+                         found, known_now)  # fmt: skip
+            known = known_now
+            for i in range(len(ghosts)):
+                if known[i]:
+                    values[ghosts[i], 0] = found[i, 0]
 
 
 @kernel

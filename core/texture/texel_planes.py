@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.advect import advect_texels
 from ..atlas.cell_means import CellMeans
-from ..atlas.ghosts import fill_ghosts
+from ..atlas.ghosts import fill_planes
 from ..atlas.potential import texel_potential
 from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
@@ -65,8 +65,8 @@ class Surface:
 
     def complete(self, planes: Singles) -> Singles:
         """Fill the ghosts, in place: (k, rows, columns)."""
+        fill_planes(self.atlas.sheet, self.atlas.sources, planes)
         for plane in planes:
-            fill_ghosts(self.atlas.sheet, self.atlas.sources, plane[..., None])
             flat = plane.reshape(-1)
             flat[self._ends] = flat[self._nearest]
         return planes
@@ -76,21 +76,25 @@ class Surface:
         count = math.ceil(variance / _VARIANCE)
         side = np.float32(variance / count / 2.0)
         weights = np.array([1 - 2 * side, side], np.float32)
+        spares: list[Singles] = []
         for number in range(count):
             ask(number / count)
-            out = np.empty_like(planes)
+            out = spares.pop() if spares else np.empty_like(planes)
             for plane, target in zip(planes, out, strict=True):
                 run(_smooth_rows, len(plane), plane, weights, target, chunk=_CHUNK)
+            if number > 0:  # what was given stays
+                spares.append(planes)
             planes = self.complete(out)
         return planes
 
     def extremes(self, low: Singles, high: Singles, steps: int) -> None:
         """Take minima of `low` and maxima of `high` within some texels, in place."""
+        spare = np.empty((2, *low.shape[1:]), np.float32)
         for number in range(steps):
             ask(number / steps)
             for k in range(len(low)):
-                before = low[k].copy(), high[k].copy()
-                run(_extremes, len(low[k]), *before, low[k], high[k], chunk=_CHUNK)
+                spare[0], spare[1] = low[k], high[k]
+                run(_extremes, len(low[k]), *spare, low[k], high[k], chunk=_CHUNK)
             self.complete(low)
             self.complete(high)
 
@@ -116,15 +120,20 @@ class TexelPlanes(Planes):
     def of_texels(cls, surface: Surface, values: Singles, channels: Channels) -> TexelPlanes:
         """Take the filtered channels of nodes and ghosts, (rows, columns, c)."""
         planes = Planes.of(values, channels)
-        surface.complete(planes.values)
         if planes.opacity.size:
             surface.complete(planes.opacity[None])
-            planes.values[:, planes.opacity == 0] = 0
-        return cls(planes.values, planes.opacity, surface=surface)
+        return cls(planes.values, planes.opacity, surface=surface).with_values(planes.values)
 
     def with_values(self, values: Singles) -> TexelPlanes:
-        """Return other values of the same opacity."""
-        return replace(self, values=self.surface.complete(values))
+        """Return other values of the same opacity; their ghosts are filled in place."""
+        if not self.opacity.size:
+            return replace(self, values=self.surface.complete(values))
+        seen = self.opacity > 0
+        sums = self.surface.complete(values * self.opacity)
+        beside = seen & ~self.surface.inside
+        np.divide(sums, self.opacity, out=values, where=beside)
+        values[:, ~seen] = 0
+        return replace(self, values=values)
 
     def columns(self, start: int, stop: int) -> npt.NDArray[np.bool_]:
         """Which pixels of some rows, (rows * columns,), lie inside charts."""
@@ -150,42 +159,55 @@ class TexelPlanes(Planes):
         both = np.concatenate([energies, self.opacity[None]])
         return averages(self.surface.smooth(both, sigma**2), True)
 
-    def smoothed(self, sigma: float, top: int, bottom: int) -> Singles:
-        """Smooth all rows, weighted by opacity: (c, rows, columns)."""
-        if sigma not in self._smooth:
-            known, variance = self._before(sigma)
-            self._smooth[sigma] = self.surface.smooth(known, sigma**2 - variance)
-        smooth = self._smooth[sigma]
-        return averages(smooth.copy(), True) if self.opacity.size else smooth
+    def smoothed(self, sigmas: tuple[float, ...], top: int, bottom: int) -> Singles:
+        """Smooth all rows by growing widths, weighted by opacity: (k, c, rows, columns)."""
+        if sigmas not in self._smooth:
+            self._smooth[sigmas] = self._smoothed(sigmas)
+        return self._smooth[sigmas]
 
-    def _before(self, sigma: float) -> tuple[Singles, float]:
-        # What was smoothed least before, and by which variance, is smoothed on.
-        less = [each for each in self._smooth if each < sigma]
-        if less:
-            return self._smooth[max(less)], max(less) ** 2
-        if not self.opacity.size:
-            return self.values, 0.0
-        return np.concatenate([self.values * self.opacity, self.opacity[None]]), 0.0
+    def _smoothed(self, sigmas: tuple[float, ...]) -> Singles:
+        out = np.empty((len(sigmas), *self.values.shape), np.float32)
+        smooth, variance = self.premultiplied().values, 0.0
+        if self.opacity.size:
+            smooth = np.concatenate([smooth, self.opacity[None]])
+        for target, sigma in zip(out, sigmas, strict=True):
+            smooth = self.surface.smooth(smooth, sigma**2 - variance)
+            variance = sigma**2
+            target[:] = smooth[: len(target)]
+            if self.opacity.size:
+                np.divide(target, smooth[-1], out=target, where=smooth[-1] > 0)
+        return out
 
     @cached_property
-    def _smooth(self) -> dict[float, Singles]:
+    def _smooth(self) -> dict[tuple[float, ...], Singles]:
         return {}
 
     def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
         """Find the least and greatest visible values within some texels: (r, c, rows, columns)."""
-        found = []
-        done, low, high = 0, self.values.copy(), self.values.copy()
+        if reaches not in self._ranges:
+            low, high = self._found_ranges(reaches)
+            for r, reach in enumerate(reaches):
+                self._ranges[(reach,)] = low[r, None], high[r, None]
+            self._ranges[reaches] = low, high
+        return self._ranges[reaches]
+
+    def _found_ranges(self, reaches: tuple[int, ...]) -> tuple[Singles, Singles]:
+        low, high = (np.empty((len(reaches), *self.values.shape), np.float32) for _ in range(2))
         hidden = self.opacity == 0 if self.opacity.size else None
-        if hidden is not None:
-            low[:, hidden], high[:, hidden] = low.max(), high.min()
-        for reach in reaches:
-            self.surface.extremes(low, high, reach - done)
+        done = 0
+        for r, reach in enumerate(reaches):
+            low[r], high[r] = (low[r - 1], high[r - 1]) if r else (self.values, self.values)
+            if hidden is not None and r == 0:
+                low[r][:, hidden], high[r][:, hidden] = low[r].max(), high[r].min()
+            self.surface.extremes(low[r], high[r], reach - done)
             done = reach
-            found.append((low.copy(), high.copy()))
-        lows, highs = (np.stack(each) for each in zip(*found, strict=True))
         if hidden is not None:
-            lows[..., hidden], highs[..., hidden] = 0, 0
-        return lows, highs
+            low[..., hidden], high[..., hidden] = 0, 0
+        return low, high
+
+    @cached_property
+    def _ranges(self) -> dict[tuple[int, ...], tuple[Singles, Singles]]:
+        return {}
 
     def flowed(
         self, times: Singles, brightness: Singles, passes: int, nearest: bool, part: Part | None

@@ -79,6 +79,6 @@ def _detail(planes: TexelPlanes) -> float:
     weights = np.asarray(planes.surface.inside, np.float32)
     if planes.opacity.size:
         weights = weights * planes.opacity
-    away = np.square(planes.values - planes.smoothed(SIGMAS[-1], 0, len(weights)))
+    away = np.square(planes.values - planes.smoothed(SIGMAS, 0, len(weights))[-1])
     total = float(weights.sum(dtype=np.float64)) * len(away)
     return float((away * weights).sum(dtype=np.float64)) / max(total, 1e-6)

@@ -85,7 +85,7 @@ class First:
 
         def energies(top: int, bottom: int) -> Singles:
             around = max(top - 1, 0), min(bottom + 1, height)
-            smooth = self._smoothed(*around)
+            smooth = planes.smoothed(SIGMAS, *around)
             found = _energies_of(planes, smooth, *around)[:, top - around[0] : bottom - around[0]]
             return planes.with_opacity(found, top, bottom)
 
@@ -96,14 +96,11 @@ class First:
         self.around = told_around(self.surroundings, small, weighted, floor,
                                   (sigmas[0] ** 2, sigmas[1] ** 2), square)  # fmt: skip
 
-    def _smoothed(self, top: int, bottom: int) -> Singles:
-        return np.stack([self.planes.smoothed(sigma, top, bottom) for sigma in SIGMAS])
-
     def strip(self, top: int, bottom: int) -> FirstStrip:
         """Prepare some rows."""
         height = self.base.shape[1]
         first, last = max(top - HALO, 0), min(bottom + HALO, height)
-        smooth = self._smoothed(first, last)
+        smooth = self.planes.smoothed(SIGMAS, first, last)
         low, high = self.planes.ranges(REACHES, first, last)
         energies = _energies_of(self.planes, smooth, first, last)
         near = self.planes.averaged(energies[:POOLED], first, NEAR, top, bottom)

@@ -37,7 +37,7 @@ def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
     def measure(start: int, stop: int) -> None:
         for i in range(start, stop):
             planes = Planes.of(pixels[windows[i]], channels)
-            away = planes.values - planes.smoothed(SIGMAS[-1], 0, planes.values.shape[1])
+            away = planes.values - planes.smoothed(SIGMAS[-1:], 0, planes.values.shape[1])[0]
             squares = np.square(away, dtype=np.float64)
             if planes.opacity.size:
                 squares *= planes.opacity / max(planes.opacity.mean(dtype=np.float64), 1e-6)

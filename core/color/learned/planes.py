@@ -97,15 +97,20 @@ class Planes:
         smooth_rows(self.opacity[first : first + rows], first, height, weights, top, spread)
         return np.divide(out, spread, out=out, where=spread > 0)
 
-    def smoothed(self, sigma: float, top: int, bottom: int) -> Singles:
-        """Smooth some rows, weighted by opacity: (c, rows, w)."""
-        weights = gaussian_of(sigma)
-        count, height, width = self.values.shape
-        out = np.empty((count, bottom - top, width), np.float32)
+    def smoothed(self, sigmas: tuple[float, ...], top: int, bottom: int) -> Singles:
+        """Smooth some rows by growing widths, weighted by opacity: (k, c, rows, w)."""
+        count, _, width = self.values.shape
+        out = np.empty((len(sigmas), count, bottom - top, width), np.float32)
+        for smooth, sigma in zip(out, sigmas, strict=True):
+            self._smooth(gaussian_of(sigma), top, bottom, smooth)
+        return out
+
+    def _smooth(self, weights: Singles, top: int, bottom: int, out: Singles) -> None:
+        height = self.values.shape[1]
         if not self.opacity.size:
             for plane, target in zip(self.values, out, strict=True):
                 smooth_rows(plane, 0, height, weights, top, target)
-            return out
+            return
         reach = len(weights) - 1
         first, last = max(top - reach, 0), min(bottom + reach, height)
         opacity, spread = self.opacity[first:last], np.empty(out.shape[1:], np.float32)
@@ -113,7 +118,6 @@ class Planes:
         for plane, target in zip(self.values, out, strict=True):
             smooth_rows(plane[first:last] * opacity, first, height, weights, top, target)
             np.divide(target, spread, out=target, where=spread > 0)
-        return out
 
     def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
         """Find the least and greatest visible values in windows of growing reach.

@@ -116,9 +116,9 @@ class Second:
         self.around = np.concatenate([first.around[:TOTAL], wide, first.around[TOTAL:]])
 
     def _smoothed(self, top: int, bottom: int) -> tuple[Singles, Singles]:
-        fine, coarse = (self.result.smoothed(sigma, top, bottom) for sigma in SOFT)
-        moved = self.moved.values[:, top:bottom], self.moved.smoothed(FLOWED, top, bottom)
-        return np.stack([fine, coarse]), np.stack(moved)
+        soft = self.result.smoothed(SOFT, top, bottom)
+        (flowed,) = self.moved.smoothed((FLOWED,), top, bottom)
+        return soft, np.stack([self.moved.values[:, top:bottom], flowed])
 
     def _energies(self, top: int, bottom: int) -> Singles:
         found = self._energies_of(top, bottom, *self._smoothed(top, bottom))
