@@ -25,6 +25,8 @@ MOST_SEAMS = 10_000
 """Most seams that a walk crosses; passed to kernels, as compiled code does not read it here."""
 
 _TOUCH = 1e-6  # in texels
+_SHORT = 1e-3  # in texels
+_MOST_SHORT = 100  # crossings in a row with less than that between them
 
 
 class SheetFlow(NamedTuple):
@@ -116,8 +118,9 @@ def walk_across_seams(
 ):
     """Continue where `walk_cells` left its chart, over any number of seams.
 
-    Where both sides of a seam flow into it, a walk of the shock filter ends; one along a given
-    flow moves back and forth within a texel, and so along the seam, while time is left.
+    Where both sides of a seam flow into it, a walk of the shock filter ends, also if it crosses the
+    seam at a slant again and again; one along a given flow moves back and forth within a texel, and
+    so along the seam, while time is left.
 
     Parameters
     ----------
@@ -143,6 +146,7 @@ def walk_across_seams(
     potential, vectors, inverse_metrics = flow.potential, flow.vectors, flow.metrics
     place, left, vy, vx, ending = walked
     store(rotation, 1.0, 0.0, 0.0, 1.0)
+    short = 0
     for _ in range(most_seams):
         edge = seam_crossed(sheet.nodes, sheet.ghost_edges, place, ending)
         if edge < 0 or metric.ways.twins[edge // 3, edge % 3] < 0:
@@ -176,6 +180,11 @@ def walk_across_seams(
         )
         if ending == ENDED or ending == UNFINISHED:
             return place, ending
+        row, column, down, across = place
+        away = abs(row + down - y) + abs(column + across - x)
+        short = short + 1 if away < _SHORT else 0
+        if vectors is None and short > _MOST_SHORT:
+            return place, ENDED
     return place, UNFINISHED
 
 
