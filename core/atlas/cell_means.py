@@ -40,8 +40,8 @@ class Squares:
     ----------
     side : int
     starts : (places + 1,) int32
-        The first square at each place of the sheet, row by row. At a place where charts meet there
-        are several; at one of ghosts only, there are squares without nodes.
+        The first square at each place of the sheet, row by row. Each chart has squares at all
+        places that its nodes and ghosts touch, and at the places next to these.
     labels : (n,) int32
         The chart of each square.
     owners : (rows, columns) int32
@@ -76,15 +76,19 @@ class CellMeans:
         self._coarse_walk = _walk(coarse, sheet, nearest)
         self._parents = _parents(self._fine, coarse)
         self._coarse_count = len(coarse.labels)
-        # What squares of ghosts only hold: the means beyond the seam.
-        ghosts = np.flatnonzero(atlas.sources.cells >= 0)
-        own = _squares_of_ghosts(ghosts, sheet, labels, self._fine)
-        beyond = nearest[sheet.ghosts[ghosts]]
-        chosen = (own >= 0) & (beyond >= 0)
-        own, beyond = own[chosen], self._fine.owners.reshape(-1)[beyond[chosen]]
-        empty = self._fine.counts[own] == 0
-        self._filled, self._sources = own[empty], beyond[empty]
+        # What squares without nodes hold: the means beyond the seam, at the ghosts near them.
+        beyond = nearest[sheet.ghosts]
+        ghosts = np.flatnonzero(beyond >= 0)
+        beyond = self._fine.owners.reshape(-1)[beyond[ghosts]]
+        near = np.empty((len(ghosts), 9), np.int32)
+        run(_near_ghosts, len(ghosts), ghosts, sheet, labels, FINE, self._fine.starts,
+            self._fine.labels, near)  # fmt: skip
+        empty = (near >= 0) & (self._fine.counts[near] == 0)
+        self._filled = near[empty]
+        self._sources = np.broadcast_to(beyond[:, None], near.shape)[empty]
         self._times_filled = np.bincount(self._filled, minlength=len(self._fine.labels))
+        nowhere = (self._fine.counts == 0) & (self._times_filled == 0)
+        self._fine.labels[nowhere] = NOTHING  # nothing is read where the surface ends
 
     def means(self, energies: Singles) -> Singles:
         """Average energies of nodes over the fine squares: (k, rows, columns) -> (k, 1, n)."""
@@ -170,27 +174,22 @@ def _parents(fine: Squares, coarse: Squares) -> Ints:
     return parents
 
 
-def _squares_of_ghosts(ghosts: npt.NDArray, sheet: Sheet, labels: Ints, squares: Squares) -> Ints:
-    out = np.empty(len(ghosts), np.int32)
-    run(_at_ghosts, len(ghosts), ghosts, sheet, labels, squares.side, squares.starts,
-        squares.labels, out)  # fmt: skip
-    return out
-
-
 @kernel
 def _find_squares(start, stop, sheet, labels, side, starts, found):
     # Writes how many squares there are at each place, or their charts if these fit into `found`.
     rows, columns = sheet.nodes.shape
     across = -(-columns // side)
-    here = np.empty(side * side, np.int32)
+    here = np.empty(9 * side * side, np.int32)
     for b in range(start, stop):
         for a in range(across):
             count = 0
-            for y in range(b * side, min((b + 1) * side, rows)):
-                for x in range(a * side, min((a + 1) * side, columns)):
+            for y in range(max((b - 1) * side, 0), min((b + 2) * side, rows)):
+                last = NOTHING
+                for x in range(max((a - 1) * side, 0), min((a + 2) * side, columns)):
                     label = chart_of(sheet, labels, y, x)
-                    if label == NOTHING:
+                    if label == last or label == NOTHING:
                         continue
+                    last = label
                     known = False
                     for i in range(count):
                         if here[i] == label:
@@ -228,15 +227,17 @@ def _own(start, stop, sheet, labels, side, starts, found, owners):
 
 
 @kernel
-def _at_ghosts(start, stop, ghosts, sheet, labels, side, starts, found, out):
-    columns = sheet.nodes.shape[1]
-    across = -(-columns // side)
+def _near_ghosts(start, stop, ghosts, sheet, labels, side, starts, found, out):
+    rows, columns = sheet.nodes.shape
+    down, across = -(-rows // side), -(-columns // side)
     for i in range(start, stop):
         y, x = divmod(sheet.ghosts[ghosts[i]], columns)
         label = chart_of(sheet, labels, y, x)
-        out[i] = NOTHING
-        if label != NOTHING:
-            out[i] = _square_at(starts, found, y // side * across + x // side, label)
+        for n in range(9):
+            b, a = y // side + n // 3 - 1, x // side + n % 3 - 1
+            out[i, n] = NOTHING
+            if label != NOTHING and 0 <= b < down and 0 <= a < across:
+                out[i, n] = _square_at(starts, found, b * across + a, label)
 
 
 @kernel

@@ -24,7 +24,7 @@ from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
 from ..base.parallel import kernel, run
 from ..base.progress import ask
-from ..color.learned.planes import NONE, Planes, planes_of
+from ..color.learned.planes import NONE, Planes, gaussian_of, planes_of
 from ..color.learned.surroundings import Singles, averages
 from ..grid.channels import Channels
 from ..grid.part import Part
@@ -35,6 +35,12 @@ _VARIANCE = 0.5
 
 _LEAST, _MOST = 1 / 16, 16.0
 """Bounds on the squared area of a texel, by which its time to flow is multiplied."""
+
+
+def _variance_of(sigma: float) -> float:
+    # That of the weights in use for images, which are cut off.
+    weights = gaussian_of(sigma).astype(np.float64)
+    return float(2.0 * (np.arange(len(weights)) ** 2 @ weights))
 
 
 class Surface:
@@ -155,9 +161,9 @@ class TexelPlanes(Planes):
         """Smooth energies that were weighted by opacity: (k, rows, columns)."""
         energies = self.surface.complete(np.ascontiguousarray(energies))
         if not self.opacity.size:
-            return self.surface.smooth(energies, sigma**2)
+            return self.surface.smooth(energies, _variance_of(sigma))
         both = np.concatenate([energies, self.opacity[None]])
-        return averages(self.surface.smooth(both, sigma**2), True)
+        return averages(self.surface.smooth(both, _variance_of(sigma)), True)
 
     def smoothed(self, sigmas: tuple[float, ...], top: int, bottom: int) -> Singles:
         """Smooth all rows by growing widths, weighted by opacity: (k, c, rows, columns)."""
@@ -171,8 +177,8 @@ class TexelPlanes(Planes):
         if self.opacity.size:
             smooth = np.concatenate([smooth, self.opacity[None]])
         for target, sigma in zip(out, sigmas, strict=True):
-            smooth = self.surface.smooth(smooth, sigma**2 - variance)
-            variance = sigma**2
+            smooth = self.surface.smooth(smooth, _variance_of(sigma) - variance)
+            variance = _variance_of(sigma)
             target[:] = smooth[: len(target)]
             if self.opacity.size:
                 np.divide(target, smooth[-1], out=target, where=smooth[-1] > 0)
