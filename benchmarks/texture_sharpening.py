@@ -161,8 +161,8 @@ def tables(found: list[Case]) -> str:
     least = [min(c.scores[way] - c.scores["input"] for c in spoiled) for way in ways]
     rows.append(["least gain", *(f"{g:+.2f}" for g in least), "", "", ""])
     jump = max(c.jumps["surface"] - c.jumps["truth"] for c in found)
-    rows.append(["surface less flat: least, mean", f"{lost.min():+.2f}", f"{lost.mean():+.2f}", "", "", "",
-                 "", "", f"{jump:+.2f}"])  # fmt: skip
+    lost = f"{lost.min():+.2f}", f"{lost.mean():+.2f}"
+    rows.append(["surface less flat: least, mean", *lost, *[""] * 5, f"{jump:+.2f}"])
     head = ["", *ways, "jump: truth", "input", "surface"]
     return table(head, rows)
 

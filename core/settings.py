@@ -311,8 +311,8 @@ _DRAWING = "Flat areas with clean borders, such as masks, cel shading, logos and
 _PHOTO = "Detail and grain count as much as borders: half as strong, and detail is raised, too"
 _AUTO = "Measure which of these the picture is"
 _BY_PIXELS = (
-    "Decide pixel by pixel, as was learned from made pictures; with Enlarge or a guide, measure"
-    " which of these the picture is"
+    "Decide pixel by pixel, as was learned from made pictures; with Enlarge, a guide or normals,"
+    " measure which of these the picture is"
 )
 
 
@@ -518,7 +518,7 @@ class TextureSettings(DilateSettings, ShockSettings):
         unit="flow time in mean texel sizes on the surface",
         counts_in="texels",
     )
-    what: str = _what("auto")
+    what: str = _what("auto", auto=_BY_PIXELS)
     width: float = _changed(
         ShockSettings, "width", 0.0, unit="mean texel sizes on the surface", counts_in="texels"
     )

@@ -111,7 +111,9 @@ class CellMeans:
         held = np.bincount(self._parents, counts, self._coarse_count)
         coarse = np.divide(sums, held, out=np.zeros_like(sums), where=held > 0)
         coarse = _walked(self._coarse_walk, coarse.astype(np.float32), _PASSES)
-        return self._filled_in(_walked(self._fine_walk, coarse[:, self._parents], _INJECTED))[:, None]
+        return self._filled_in(_walked(self._fine_walk, coarse[:, self._parents], _INJECTED))[
+            :, None
+        ]
 
     def rows(self, means: Singles, start: int, stop: int) -> Singles:
         """Read means between the middles of squares: (k, rows, columns); 0 outside charts."""

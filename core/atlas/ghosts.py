@@ -110,9 +110,7 @@ def fill_ghosts(
     return known
 
 
-def fill_planes(
-    sheet: Sheet, sources: GhostSources, planes: npt.NDArray[np.float32]
-) -> None:
+def fill_planes(sheet: Sheet, sources: GhostSources, planes: npt.NDArray[np.float32]) -> None:
     """Do as `fill_ghosts`, for planes that lie one after the other: (k, rows, columns)."""
     run(_fill_planes, len(planes), sheet.nodes, sheet.ghosts, sources, planes, chunk=1)
 

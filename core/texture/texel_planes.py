@@ -23,12 +23,14 @@ from ..atlas.potential import texel_potential
 from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
 from ..base.parallel import kernel, run
-from ..base.progress import ask
+from ..base.progress import aside, ask, phase
 from ..color.learned.planes import NONE, Planes, gaussian_of, planes_of
 from ..color.learned.surroundings import Singles, averages
 from ..grid.channels import Channels
 from ..grid.part import Part
 from ..grid.windows import smooth_rows
+
+_MESSAGE = "Sharpening"
 
 _VARIANCE = 0.5
 """The most that a pass smooths, along each axis."""
@@ -56,13 +58,15 @@ class Surface:
         sheet, sources = atlas.sheet, atlas.sources
         ends = sheet.ghosts[sources.cells < 0]
         nearest = np.empty_like(ends)
-        run(_nearest_inside, len(ends), ends, sheet.nodes, nearest)
+        with aside(_MESSAGE):
+            run(_nearest_inside, len(ends), ends, sheet.nodes, nearest)
         self._ends, self._nearest = ends[nearest >= 0], nearest[nearest >= 0]
 
     @cached_property
     def means(self) -> CellMeans:
         """Means over wide surroundings."""
-        return CellMeans(self.atlas)
+        with aside(_MESSAGE):
+            return CellMeans(self.atlas)
 
     @cached_property
     def inside(self) -> npt.NDArray[np.bool_]:
@@ -71,7 +75,8 @@ class Surface:
 
     def complete(self, planes: Singles) -> Singles:
         """Fill the ghosts, in place: (k, rows, columns)."""
-        fill_planes(self.atlas.sheet, self.atlas.sources, planes)
+        with aside(_MESSAGE):
+            fill_planes(self.atlas.sheet, self.atlas.sources, planes)
         for plane in planes:
             flat = plane.reshape(-1)
             flat[self._ends] = flat[self._nearest]
@@ -84,10 +89,10 @@ class Surface:
         weights = np.array([1 - 2 * side, side], np.float32)
         spares: list[Singles] = []
         for number in range(count):
-            ask(number / count)
             out = spares.pop() if spares else np.empty_like(planes)
-            for plane, target in zip(planes, out, strict=True):
-                run(_smooth_rows, len(plane), plane, weights, target, chunk=_CHUNK)
+            with aside(_MESSAGE):
+                for plane, target in zip(planes, out, strict=True):
+                    run(_smooth_rows, len(plane), plane, weights, target, chunk=_CHUNK)
             if number > 0:  # what was given stays
                 spares.append(planes)
             planes = self.complete(out)
@@ -96,11 +101,11 @@ class Surface:
     def extremes(self, low: Singles, high: Singles, steps: int) -> None:
         """Take minima of `low` and maxima of `high` within some texels, in place."""
         spare = np.empty((2, *low.shape[1:]), np.float32)
-        for number in range(steps):
-            ask(number / steps)
+        for _ in range(steps):
             for k in range(len(low)):
                 spare[0], spare[1] = low[k], high[k]
-                run(_extremes, len(low[k]), *spare, low[k], high[k], chunk=_CHUNK)
+                with aside(_MESSAGE):
+                    run(_extremes, len(low[k]), *spare, low[k], high[k], chunk=_CHUNK)
             self.complete(low)
             self.complete(high)
 
@@ -141,6 +146,14 @@ class TexelPlanes(Planes):
         values[:, ~seen] = 0
         return replace(self, values=values)
 
+    def forget(self) -> None:
+        """Forget all that was computed but the widest ranges."""
+        self._kept_smooth.clear()
+        last = max(self._ranges, key=max)
+        kept = tuple(each[-1:].copy() for each in self._ranges[last])
+        self._ranges.clear()
+        self._ranges[last[-1:]] = kept[0], kept[1]
+
     def columns(self, start: int, stop: int) -> npt.NDArray[np.bool_]:
         """Which pixels of some rows, (rows * columns,), lie inside charts."""
         return self.surface.inside[start:stop].reshape(-1)
@@ -167,17 +180,18 @@ class TexelPlanes(Planes):
 
     def smoothed(self, sigmas: tuple[float, ...], top: int, bottom: int) -> Singles:
         """Smooth all rows by growing widths, weighted by opacity: (k, c, rows, columns)."""
-        if sigmas not in self._smooth:
-            self._smooth[sigmas] = self._smoothed(sigmas)
-        return self._smooth[sigmas]
+        if sigmas not in self._kept_smooth:
+            self._kept_smooth[sigmas] = self._smoothed(sigmas)
+        return self._kept_smooth[sigmas]
 
     def _smoothed(self, sigmas: tuple[float, ...]) -> Singles:
         out = np.empty((len(sigmas), *self.values.shape), np.float32)
         smooth, variance = self.premultiplied().values, 0.0
         if self.opacity.size:
             smooth = np.concatenate([smooth, self.opacity[None]])
-        for target, sigma in zip(out, sigmas, strict=True):
-            smooth = self.surface.smooth(smooth, _variance_of(sigma) - variance)
+        for number, (target, sigma) in enumerate(zip(out, sigmas, strict=True)):
+            with phase((number / len(out)) ** 2, ((number + 1) / len(out)) ** 2, _MESSAGE):
+                smooth = self.surface.smooth(smooth, _variance_of(sigma) - variance)
             variance = _variance_of(sigma)
             target[:] = smooth[: len(target)]
             if self.opacity.size:
@@ -185,7 +199,7 @@ class TexelPlanes(Planes):
         return out
 
     @cached_property
-    def _smooth(self) -> dict[tuple[float, ...], Singles]:
+    def _kept_smooth(self) -> dict[tuple[float, ...], Singles]:
         return {}
 
     def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
@@ -202,6 +216,7 @@ class TexelPlanes(Planes):
         hidden = self.opacity == 0 if self.opacity.size else None
         done = 0
         for r, reach in enumerate(reaches):
+            ask(done / reaches[-1])
             low[r], high[r] = (low[r - 1], high[r - 1]) if r else (self.values, self.values)
             if hidden is not None and r == 0:
                 low[r][:, hidden], high[r][:, hidden] = low[r].max(), high[r].min()
@@ -225,12 +240,14 @@ class TexelPlanes(Planes):
         """
         atlas = self.surface.atlas
         texels, channels = self.interleaved(brightness)
-        potential = texel_potential(atlas, texels, channels, passes)
+        with phase(0.3, 0.5, "Computing the flow"):
+            potential = texel_potential(atlas, texels, channels, passes)
         areas = atlas.metric.texel_areas[np.maximum(atlas.sheet.nodes, 0)]
         times = times * np.clip(areas * areas, _LEAST, _MOST)
         out = texels.copy()
-        advect_texels(atlas, texels, channels, shock_flow(atlas, potential), times, out,
-                      nearest=nearest)  # fmt: skip
+        with phase(0.5, 1.0, "Tracing flow-lines"):
+            advect_texels(atlas, texels, channels, shock_flow(atlas, potential), times, out,
+                          nearest=nearest)  # fmt: skip
         return self.with_values(planes_of(out[..., : channels.stop]))
 
 
@@ -242,13 +259,17 @@ class _Means:
         self._height = len(surface.atlas.sheet.nodes)
 
     def means(self, count: int, energies: Callable[[int, int], Singles]) -> Singles:
-        return self._means.means(energies(0, self._height))
+        found = energies(0, self._height)
+        with aside(_MESSAGE):
+            return self._means.means(found)
 
     def smoothed(self, means: Singles, weighted: bool) -> Singles:
-        return averages(self._means.smoothed(means), weighted)
+        with aside(_MESSAGE):
+            return averages(self._means.smoothed(means), weighted)
 
     def of_region(self, means: Singles, weighted: bool) -> Singles:
-        return averages(self._means.of_region(means), weighted)
+        with aside(_MESSAGE):
+            return averages(self._means.of_region(means), weighted)
 
     def rows(self, means: Singles, start: int, stop: int) -> Singles:
         return self._means.rows(means, start, stop)

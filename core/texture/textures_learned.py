@@ -54,12 +54,12 @@ def sharpen_texels_learned(
         with aside("Measuring borders"):
             borders = measure_borders(values, 1.0, channels, inside=inside)
     planes = TexelPlanes.of_texels(surface, values, channels)
-    with phase(0.0, 0.1, "Measuring borders"):
+    with phase(0.0, 0.2, "Sharpening"):
         detail = _detail(planes)
     square = min(settings.width / WIDTH_OF_SIGMA, SOFTEST) ** 2
     nearest = settings.sampling == "nearest"
     wishes = Wishes(FAINT * detail, square, settings.smoothing_passes, nearest)
-    with phase(0.1, 1.0, "Sharpening"):
+    with phase(0.2, 1.0, "Sharpening"):
         sharp = sharpened(planes, channels.brightness, wishes)
     for k in range(len(sharp)):
         target = result[..., channels.start + k]

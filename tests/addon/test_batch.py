@@ -126,7 +126,9 @@ class Run:
 
 def start_process():
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    return subprocess.Popen([sys.executable, "-X", "faulthandler", "-c", PROCESS], text=True, **pipes)
+    return subprocess.Popen(
+        [sys.executable, "-X", "faulthandler", "-c", PROCESS], text=True, **pipes
+    )
 
 
 def end_process(process):

@@ -170,8 +170,11 @@ def test_progress_grows_and_cancels():
     for most in (0.1, 0.5, 0.8):
         with pytest.raises(core.Cancelled):
             core.sharpen_texture(
-                mesh, blocks.uv, blocks.texture(0.0), progress=lambda done, text, most=most: done < most
-            )  # fmt: skip
+                mesh,
+                blocks.uv,
+                blocks.texture(0.0),
+                progress=lambda done, _, most=most: done < most,
+            )
 
 
 # -------------------------------------------------------------------------------- planes of a sheet
@@ -282,7 +285,9 @@ def test_a_closed_surface_of_many_charts_gets_through():
     count = mesh.face_count
     side = math.ceil(math.sqrt(count))
     row, column = np.divmod(np.arange(count), side)
-    corner = np.stack([column, row], axis=1)[:, None] + np.array([[0.1, 0.1], [0.9, 0.1], [0.1, 0.9]])
+    corner = np.stack([column, row], axis=1)[:, None] + np.array(
+        [[0.1, 0.1], [0.9, 0.1], [0.1, 0.9]]
+    )
     image = np.random.default_rng(4).random((256, 256, 3)).astype(np.float32)
     out = core.sharpen_texture(mesh, corner / side, image)
     assert np.isfinite(out).all()

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.parallel import kernel, run
+from ...base.progress import aside
 from .planes import Planes, gaussian_of
 from .rows import (
     add_slopes,
@@ -143,7 +144,8 @@ def _energies_of(planes: Planes, smooth: Singles, top: int, bottom: int) -> Sing
     out = np.empty((POOLED + 2, *smooth.shape[2:]), np.float32)
     given = top, planes.values, planes.opacity, smooth, out
     if planes.whole:
-        run(_energies, bottom - top, *given, chunk=STRIP)
+        with aside("Sharpening"):
+            run(_energies, bottom - top, *given, chunk=STRIP)
     else:
         _energies(0, bottom - top, *given)
     return out

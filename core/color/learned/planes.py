@@ -63,6 +63,9 @@ class Planes:
         """Return other values of the same opacity."""
         return Planes(values, self.opacity)
 
+    def forget(self) -> None:
+        """Forget what only the first stage needs."""
+
     def columns(self, start: int, stop: int) -> slice | npt.NDArray[np.bool_]:
         """Which pixels of some rows, one row after the other, are to be computed."""
         return slice(None)

@@ -109,6 +109,7 @@ def sharpened(
     with phase(0.15, 0.5, _MESSAGE):
         values, shares = mixed(first, nets[0])
         result = planes.with_values(values)
+        planes.forget()
     with phase(0.5, 0.7, "Tracing flow-lines"):
         second = second_of(first, result, shares, brightness, wishes, part)
     with phase(0.7, 1.0, _MESSAGE):
@@ -149,7 +150,10 @@ def mixed(
                 kept[:, y:end] = shares
 
     if stage.planes.whole:
-        run(partial(mix, stage.strip(0, height)), height, chunk=STRIP)
+        with phase(0.0, 0.4, _MESSAGE):
+            strip = stage.strip(0, height)
+        with phase(0.4, 1.0, _MESSAGE):
+            run(partial(mix, strip), height, chunk=STRIP)
     else:
         run(lambda start, stop: mix(stage.strip(start, stop), start, stop), height, chunk=STRIP)
     return out, kept

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...base.parallel import kernel, run
+from ...base.progress import aside
 from .first import DIFFERENCES as FIRST_DIFFERENCES
 from .first import NEAR, REACHES, First
 from .planes import Planes, gaussian_of
@@ -73,17 +74,24 @@ def flow_times(first: First) -> Singles:
     reach = REACHES[SPAN]
     around = len(gaussian_of(_CONTRAST)) - 1
 
-    def work(start: int, stop: int) -> None:
+    def find_contrasts(start: int, stop: int) -> None:
         top, bottom = max(start - around, 0), min(stop + around, height)
         outer = max(top - reach, 0), min(bottom + reach, height)
         low, high = premultiplied.ranges((reach,), *outer)
         contrast = np.empty((bottom - top, width), np.float32)
         _contrasts(top, bottom, outer[0], low[0], high[0], contrast)
         times[start:stop] = premultiplied.averaged(contrast[None], top, _CONTRAST, start, stop)[0]
+
+    def find_times(start: int, stop: int) -> None:
         large = first.surroundings.rows(first.around[WIDTH:], start, stop)
         _times(start, stop, large, first.planes.opacity, times)
 
-    run(work, height, chunk=height if first.planes.whole else STRIP)
+    with aside("Computing the flow"):
+        if first.planes.whole:
+            find_contrasts(0, height)
+        else:
+            run(find_contrasts, height, chunk=STRIP)
+        run(find_times, height, chunk=STRIP)
     return times
 
 
@@ -129,7 +137,8 @@ class Second:
         planes = self.planes
         given = top, planes.values, planes.opacity, self.base, soft, moved, out
         if planes.whole:
-            run(_energies, bottom - top, *given, chunk=STRIP)
+            with aside("Sharpening"):
+                run(_energies, bottom - top, *given, chunk=STRIP)
         else:
             _energies(0, bottom - top, *given)
         return out

@@ -122,9 +122,9 @@ class Squares:
         """Smooth means over 32 pixels or so, at a sixteenth of the image's size."""
         largest = np.empty((len(means), *(-(-n // 4) for n in means.shape[1:])), np.float32)
         run(_reduce, len(means), means, largest, chunk=1)
-        out = np.empty_like(means[:len(means) - weighted])
-        run(_enlarge, means.shape[1], self.smoothed(largest, weighted), *places(means.shape[2]), out,
-            chunk=STRIP)  # fmt: skip
+        out = np.empty_like(means[: len(means) - weighted])
+        wide = self.smoothed(largest, weighted)
+        run(_enlarge, means.shape[1], wide, *places(means.shape[2]), out, chunk=STRIP)
         return out
 
     def rows(self, means: Singles, start: int, stop: int) -> Singles:
