@@ -12,8 +12,11 @@ import numpy.typing as npt
 from ..host.inputs import HostImage
 from ..settings import value_of
 
-_MARGIN = 16
+_MARGIN = 64
 """Largest margin of filtered but invisible pixels, some of whose neighbors are missing."""
+
+_SQUARE = 16
+"""Large patches begin at multiples of it, as means are taken of squares of so many pixels."""
 
 _REACHED = 6_000_000
 """Number of pixels that kernels reach in about a quarter of a second."""
@@ -100,6 +103,8 @@ def crop_around(image: HostImage, place: tuple[float, float], size: int) -> Crop
     left, right = _range(place[0], width, side - 2 * margin)
     bottom, top = _range(place[1], height, side - 2 * margin)
     first_row, first_column = max(bottom - margin, 0), max(left - margin, 0)
+    if margin == _MARGIN:
+        first_row, first_column = (n // _SQUARE * _SQUARE for n in (first_row, first_column))
     pixels = image.pixels[first_row : top + margin, first_column : right + margin]
     return Crop(
         replace(image, pixels=pixels.copy()),

@@ -110,7 +110,7 @@ def test_what_is_drawn_is_what_the_operator_makes(begun, mode, size):
     parameters = {
         name: getattr(preview.parameters, name) for name in (preview.dial, preview.second)
     }
-    assert ("patch of 40 x 40 pixels" in preview.text()) == (size is not None)
+    assert ("patch of 36 x 36 pixels" in preview.text()) == (size is not None)
     assert piece.framed == (size is not None)
     preview.end()
     run = getattr(bpy.ops.shock_filter, preview.mode.operator)
@@ -205,6 +205,13 @@ def test_a_patch_lies_inside_and_around_the_place(place, box):
     assert 20 < height <= 40
     assert 20 < width <= 40
     assert not np.shares_memory(crop.image.pixels, pixels)
+
+
+def test_large_patches_begin_where_those_of_squares_do():
+    pixels = np.zeros((1000, 1000, 4), np.float32)
+    crop = crop_around(HostImage(pixels, "STRAIGHT", False, 0), (0.53, 0.61), 300_000)
+    assert [n % 16 for n in crop.corner] == [0, 0]
+    assert min(crop.rows.start, crop.columns.start) >= 64
 
 
 @pytest.mark.parametrize("place", [(0.5, 0.5), (0.3, 0.7), (0.0, 1.0)])
