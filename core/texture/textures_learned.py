@@ -13,6 +13,7 @@ from ..base.findings import is_gathered
 from ..base.progress import aside, phase
 from ..color.by_width.measuring import Measured, tell_closed
 from ..color.learned.first import SIGMAS
+from ..color.learned.images import typical_detail
 from ..color.learned.recipe import FAINT, Wishes, sharpened
 from ..color.learned.surroundings import SOFTEST
 from ..grid.borders import Borders, measure_borders
@@ -21,6 +22,9 @@ from ..settings import WIDTH_OF_SIGMA, TextureSettings
 from .texel_planes import Surface, TexelPlanes
 
 Texels = npt.NDArray[np.float32]
+
+_SQUARE = 128
+"""Texels along a side of the squares in which detail is measured."""
 
 
 def are_learned(settings: TextureSettings, normals: bool) -> bool:
@@ -75,10 +79,15 @@ def sharpen_texels_learned(
 
 
 def _detail(planes: TexelPlanes) -> float:
-    # How much a smoothing takes away, as a mean square.
+    # How much a smoothing takes away, as a mean square, in squares all over the sheet.
     weights = np.asarray(planes.surface.inside, np.float32)
     if planes.opacity.size:
         weights = weights * planes.opacity
-    away = np.square(planes.values - planes.smoothed(SIGMAS, 0, len(weights))[-1])
-    total = float(weights.sum(dtype=np.float64)) * len(away)
-    return float((away * weights).sum(dtype=np.float64)) / max(total, 1e-6)
+    away = np.square(planes.values - planes.smoothed(SIGMAS, 0, len(weights))[-1]).mean(axis=0)
+    held, sums = (
+        np.add.reduceat(np.add.reduceat(each, np.arange(0, each.shape[0], _SQUARE)),
+                        np.arange(0, each.shape[1], _SQUARE), axis=1).ravel()
+        for each in (weights, away * weights)
+    )  # fmt: skip
+    seen = held > 0
+    return typical_detail(sums[seen] / held[seen], held[seen]) if seen.any() else 0.0

@@ -367,3 +367,12 @@ def test_planes_hold_hidden_pixels_as_0_and_ranges_without_them():
     assert (low[0, 0, :, :4].min(), high[1, 0, :, :4].max()) == (100, 200)
     assert low[0, 0, 0, 3] == 200
     assert (low[..., 4:] == 0).all() and (high[..., 4:] == 0).all()
+
+
+def test_a_sun_changes_nothing_far_from_it():
+    image = np.tile(scene(31), (5, 5, 1))[:600, :600]
+    sunny = image.copy()
+    sunny[20:23, 20:23] = 1e5
+    one, two = core.sharpen_image(image), core.sharpen_image(sunny)
+    far = slice(300, None)
+    assert rms(two[far, far] - one[far, far]) < 0.05 * rms(one[far, far] - image[far, far])
