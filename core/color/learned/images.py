@@ -19,7 +19,6 @@ from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
 from .surroundings import CELL, SOFTEST, STRIP
 
-
 _MOST = 100.0
 """The detail of a window counts at most as so many times that of most: those of photos and drawings
 differ by a factor of three, but the sun in an HDR photo would hide all else."""
