@@ -410,11 +410,35 @@ def widely(random, image):
     return given, False
 
 
+SOFTLY = 50000
+"""From this seed on, the pictures from 10000 on become softer than any blur to take away is: shapes
+as an airbrush leaves them are to stay."""
+
+
+def softened(random, image):
+    """Soften a picture all over, or beside a line."""
+    values = image.astype(np.float64)
+    s = np.exp(random.uniform(np.log(6), np.log(20)))
+    soft = ndimage.gaussian_filter(values, (s, s, 0), mode="mirror")
+    middle = soft.mean((0, 1))
+    most = np.abs(soft - middle).max() + 1
+    soft = middle + (soft - middle) * (random.uniform(10, 130) / most)
+    if random.random() < 0.4:
+        y, x = np.mgrid[:SIZE, :SIZE] - SIZE / 2 + 0.5
+        angle = random.uniform(0, 2 * np.pi)
+        away = np.cos(angle) * x + np.sin(angle) * y + random.uniform(-40, 40)
+        soft += (values - soft) * np.clip(away + 0.5, 0, 1)[..., None]
+    return _bytes(soft)
+
+
 def example(seed, count=3):
     """Make a truth, bytes (n, n, 3), and spoiled copies, each with whether nothing spoiled it."""
     random = np.random.default_rng(seed)
     if seed < WIDELY:
         image, spoil = truth(random), spoiled
-    else:
+    elif seed < SOFTLY:
         image, spoil = truth(np.random.default_rng(seed - WIDELY + 10000)), widely
+    else:
+        image = softened(random, truth(np.random.default_rng(seed - SOFTLY + 10000)))
+        return image, [(image, True), *(spoiled(random, image) for _ in range(count - 1))]
     return image, [spoil(random, image) for _ in range(count)]
