@@ -173,7 +173,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="what holds textured/")
     parser.add_argument("--write", type=Path, help="folder of the page to write the table into")
     options = parser.parse_args()
-    page = Page(options.write and options.write / "benchmarks.md")
+    page = Page(options.write and options.write / "texture-benchmarks.md")
     page.write("texture-sharpening", tables(cases(models(options.data))))
 
 

@@ -42,12 +42,16 @@ def image_potential(
     with phase(0.0, 0.8, "Computing the flow"):
         run(_potential_rows, len(image), image, np.float32(scale), channels, passes, potential,
             chunk=ROWS)  # fmt: skip
+    with phase(0.8, 1.0, "Computing the flow"):
+        return smoothed_potential(potential, passes)
+
+
+def smoothed_potential(potential: npt.NDArray[np.float32], passes: int) -> npt.NDArray[np.float32]:
+    """Smooth a potential that is overwritten: (h, w)."""
     spare = np.empty_like(potential) if passes else potential
     for done in range(passes):
-        with phase(
-            0.8 + 0.2 * done / passes, 0.8 + 0.2 * (done + 1) / passes, "Computing the flow"
-        ):
-            run(_smooth_rows, len(image), potential, spare, chunk=ROWS)
+        with phase(done / passes, (done + 1) / passes, "Computing the flow"):
+            run(_smooth_rows, len(potential), potential, spare, chunk=ROWS)
         potential, spare = spare, potential
     return potential
 

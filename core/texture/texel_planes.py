@@ -19,12 +19,12 @@ from ..atlas import TextureAtlas
 from ..atlas.advect import advect_texels
 from ..atlas.cell_means import CellMeans
 from ..atlas.ghosts import fill_planes
-from ..atlas.potential import texel_potential
+from ..atlas.potential import smooth_texels, texel_potential
 from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask, phase
-from ..color.learned.planes import NONE, Planes, gaussian_of, planes_of
+from ..color.learned.planes import NONE, Plan, Planes, gaussian_of, mix_potentials, planes_of
 from ..color.learned.surroundings import Singles, averages
 from ..grid.channels import Channels
 from ..grid.part import Part
@@ -231,7 +231,12 @@ class TexelPlanes(Planes):
         return {}
 
     def flowed(
-        self, times: Singles, brightness: Singles, passes: int, nearest: bool, part: Part | None
+        self,
+        plan: Plan,
+        brightness: Singles,
+        passes: int,
+        nearest: bool,
+        part: Part | None,
     ) -> TexelPlanes:
         """Let the values flow across seams.
 
@@ -242,11 +247,13 @@ class TexelPlanes(Planes):
         texels, channels = self.interleaved(brightness)
         with phase(0.3, 0.5, "Computing the flow"):
             potential = texel_potential(atlas, texels, channels, passes)
+            wide = smooth_texels(atlas, potential[..., None].copy(), plan.passes)[..., 0]
+            run(mix_potentials, len(wide), potential, wide, plan.shares, chunk=_CHUNK)
         areas = atlas.metric.texel_areas[np.maximum(atlas.sheet.nodes, 0)]
-        times = times * np.clip(areas * areas, _LEAST, _MOST)
+        times = plan.times * np.clip(areas * areas, _LEAST, _MOST)
         out = texels.copy()
         with phase(0.5, 1.0, "Tracing flow-lines"):
-            advect_texels(atlas, texels, channels, shock_flow(atlas, potential), times, out,
+            advect_texels(atlas, texels, channels, shock_flow(atlas, wide), times, out,
                           nearest=nearest)  # fmt: skip
         return self.with_values(planes_of(out[..., : channels.stop]))
 

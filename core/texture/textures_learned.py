@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from ..base.findings import is_gathered
 from ..base.progress import aside, phase
-from ..color.by_width.measuring import Measured, tell_closed
 from ..color.learned.first import SIGMAS
 from ..color.learned.images import typical_detail
 from ..color.learned.recipe import FAINT, Wishes, sharpened
+from ..color.learned.report import tell_learned
 from ..color.learned.surroundings import SOFTEST
 from ..grid.borders import Borders, measure_borders
 from ..grid.channels import Channels
@@ -22,6 +22,9 @@ from ..settings import WIDTH_OF_SIGMA, TextureSettings
 from .texel_planes import Surface, TexelPlanes
 
 Texels = npt.NDArray[np.float32]
+
+_ROUNDING = 4 * float(np.finfo(np.float32).eps)
+"""Relative differences that reading across seams makes by itself."""
 
 _SQUARE = 128
 """Texels along a side of the squares in which detail is measured."""
@@ -66,16 +69,20 @@ def sharpen_texels_learned(
     with phase(0.2, 1.0, "Sharpening"):
         sharp = sharpened(planes, channels.brightness, wishes)
     for k in range(len(sharp)):
-        target = result[..., channels.start + k]
-        np.copyto(target, sharp[k], where=inside & (sharp[k] != planes.values[k]))
+        target, old = result[..., channels.start + k], planes.values[k]
+        changed = np.abs(sharp[k] - old) > _ROUNDING * np.abs(old)
+        np.copyto(target, sharp[k], where=inside & changed)
     copies = surface.atlas.copies
     flat, chosen = result.reshape(inside.size, -1), slice(channels.start, channels.stop)
     flat[copies[:, 0], chosen] = flat[copies[:, 1], chosen]
     if told:
         with aside("Sharpening"):
-            same = np.array_equal(result, values)
-        found = Measured("auto", 0.0 if same else borders.width, borders)
-        tell_closed("texels", found, result, channels, inside=inside)
+            after = None
+            if not np.array_equal(result, values):
+                after = measure_borders(result, 1.0, channels, inside=inside, roughly=True)
+                sharp_planes = TexelPlanes.of_texels(surface, result, channels)
+                after = after._replace(detail=_detail(sharp_planes))
+        tell_learned("texels", borders._replace(detail=detail), after)
 
 
 def _detail(planes: TexelPlanes) -> float:

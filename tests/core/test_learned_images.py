@@ -13,7 +13,9 @@ from shock_filter.core.color.chunked import counting_reruns
 from shock_filter.core.color.image_sharpening import measure_image
 from shock_filter.core.color.learned.planes import Planes
 from shock_filter.core.color.learned.recipe import DEFINITION, STAGES, WEIGHTS
+from shock_filter.core.color.learned.report import tell_learned
 from shock_filter.core.color.learned.rows import half_log
+from shock_filter.core.grid.borders import Borders
 from shock_filter.core.grid.channels import Channels
 from shock_filter.core.grid.part import Part
 from shock_filter.core.grid.windows import gaussian, smooth, smooth_rows
@@ -317,7 +319,21 @@ def test_widths_are_told_when_somebody_listens():
     ]
     with gathering() as found:
         core.sharpen_image(np.full((40, 40), 0.5))
-    assert [str(each) for each in found] == ["No borders were found; give a Width."]
+    assert [str(each) for each in found] == ["Nothing to sharpen was found."]
+
+
+def test_what_was_done_is_told():
+    before = Borders(width=6.0, number=100, detail=1.0)
+    for after, words in (
+        (None, "Already sharp: borders 6.0 pixels wide."),
+        (Borders(width=2.0, number=90, detail=1.5), "Borders 6.0 pixels wide, closed to 2.0."),
+        (Borders(width=9.0, number=20, detail=1.5), "Borders up to 6.0 pixels wide were closed."),
+        (Borders(width=6.1, number=90, detail=0.5), "Noise was smoothed"),
+        (Borders(width=6.1, number=90, detail=1.5), "Texture was sharpened"),
+    ):
+        with gathering() as found:
+            tell_learned("pixels", before, after)
+        assert str(found[0]).startswith(words)
 
 
 def test_results_move_as_little_as_images_do():

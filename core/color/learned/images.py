@@ -13,10 +13,11 @@ from ...grid.borders import Borders, measure_borders, windows_to_measure
 from ...grid.channels import Channels
 from ...grid.part import Part
 from ...settings import WIDTH_OF_SIGMA, ImageSettings
-from ..by_width.measuring import Measured, scale_of, tell_closed
+from ..by_width.measuring import Measured, scale_of
 from .first import SIGMAS
 from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
+from .report import tell_learned
 from .surroundings import CELL, SOFTEST, STRIP
 
 _MOST = 100.0
@@ -112,8 +113,11 @@ def sharpen_pixels_learned(
             chunk=STRIP)  # fmt: skip
     if settings.width == 0 and channels.start == 0 and part is None and is_gathered():
         with aside("Sharpening"):
-            same = np.array_equal(target, pixels)
-        tell_closed("pixels", found._replace(width=0.0) if same else found, target, channels)
+            after = None
+            if not np.array_equal(target, pixels):
+                after = measure_borders(target, scale_of(target), channels, roughly=True)
+                after = after._replace(detail=measured_detail(target, channels))
+        tell_learned("pixels", found.borders, after)
 
 
 @kernel

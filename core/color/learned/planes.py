@@ -9,22 +9,41 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from ...base.checks import BAND, SCALES
-from ...base.parallel import blocks, kernel
+from ...base.parallel import blocks, kernel, run
 from ...grid.advect import advect_pixels
 from ...grid.channels import Channels
 from ...grid.part import Part
-from ...grid.potential import image_potential
+from ...grid.potential import image_potential, smoothed_potential
 from ...grid.windows import gaussian, least_and_greatest, smooth_rows
-from .surroundings import Singles, Squares, Surroundings
+from .surroundings import STRIP, Singles, Squares, Surroundings
 
 NONE = np.empty((0, 0), np.float32)
 
 gaussian_of = cache(gaussian)
+
+
+class Plan(NamedTuple):
+    """How values flow.
+
+    Attributes
+    ----------
+    times : (h, w) float32
+        For how long.
+    shares : (h, w) float32
+        How far they follow a potential that is smoothed further.
+    passes : int
+        By so many passes.
+    """
+
+    times: Singles
+    shares: Singles
+    passes: int
 
 
 @dataclass(frozen=True)
@@ -146,13 +165,18 @@ class Planes:
         return low, high
 
     def flowed(
-        self, times: Singles, brightness: Singles, passes: int, nearest: bool, part: Part | None
+        self,
+        plan: Plan,
+        brightness: Singles,
+        passes: int,
+        nearest: bool,
+        part: Part | None,
     ) -> Planes:
         """Let the values flow.
 
         Parameters
         ----------
-        times : (h, w) float32
+        plan : Plan
         brightness : (k,) float32
             As in `Channels`.
         passes : int
@@ -164,8 +188,10 @@ class Planes:
         """
         pixels, channels = self.interleaved(brightness)
         potential = image_potential(pixels, 1.0, channels, passes)
+        wide = smoothed_potential(potential.copy(), plan.passes)
+        run(mix_potentials, len(wide), potential, wide, plan.shares, chunk=STRIP)
         out = pixels.copy()
-        advect_pixels(pixels, channels, potential, times, out, nearest=nearest, part=part)
+        advect_pixels(pixels, channels, wide, plan.times, out, nearest=nearest, part=part)
         return self.with_values(planes_of(out[..., : channels.stop]))
 
     def interleaved(self, brightness: Singles) -> tuple[Singles, Channels]:
@@ -182,6 +208,14 @@ class Planes:
 def planes_of(pixels: Singles) -> Singles:
     """Return the channels of pixels (h, w, c) as planes of their own."""
     return np.ascontiguousarray(np.moveaxis(pixels, 2, 0))
+
+
+@kernel
+def mix_potentials(start, stop, fine, wide, shares):
+    """Mix two potentials by the shares of the second, which receives the result."""
+    for y in range(start, stop):
+        for x in range(fine.shape[1]):
+            wide[y, x] = fine[y, x] + shares[y, x] * (wide[y, x] - fine[y, x])
 
 
 @kernel

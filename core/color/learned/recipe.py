@@ -25,7 +25,7 @@ from . import first as first_stage
 from . import second as second_stage
 from .first import First, FirstStrip
 from .planes import Planes, keep_within
-from .second import Second, SecondStrip, flow_times
+from .second import Second, SecondStrip, flow_plan
 from .surroundings import CELL, SOFTEST, STRIP, WIDE, Singles, reach_of_surroundings
 
 WEIGHTS = Path(__file__).with_name("images.npz")
@@ -33,10 +33,11 @@ WEIGHTS = Path(__file__).with_name("images.npz")
 STAGES = "first", "second"
 """Names of the networks, in order."""
 
-DEFINITION = digest("images 1", repr((
+DEFINITION = digest("images 2", repr((
     first_stage.SIGMAS, first_stage.SLOPES, first_stage.REACHES, first_stage.MASKS,
     second_stage.SPAN, second_stage.RATE, second_stage.CELLS, second_stage.TEXTURE,
-    second_stage.SOFT, second_stage.FLOWED, WIDE.tolist(), SOFTEST, CELL,
+    second_stage.SOFT, second_stage.FLOWED, second_stage.SMOOTHER, second_stage.WIDELY,
+    WIDE.tolist(), SOFTEST, CELL,
 )))  # fmt: skip
 """Changes with what the numbers mean; count the first word up when the code changes them."""
 
@@ -122,7 +123,7 @@ def second_of(
 ) -> Second:  # fmt: skip
     """Prepare the second stage."""
     wider = part and part.wider(second_stage.REACH)
-    moved = result.flowed(flow_times(first), brightness, wishes.passes, wishes.nearest, wider)
+    moved = result.flowed(flow_plan(first), brightness, wishes.passes, wishes.nearest, wider)
     return Second(first, result, shares, moved)
 
 
@@ -165,4 +166,4 @@ def reach(passes: int) -> tuple[int, int]:
     The result is affected within both, and as far as flow-lines go.
     """
     before = first_stage.REACH + reach_of_surroundings()
-    return before + flow_reach(passes), second_stage.REACH
+    return before + flow_reach(passes) + second_stage.SMOOTHER, second_stage.REACH

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the learned recipe reports; see `base.findings`."""
+
+from __future__ import annotations
+
+from ...base.findings import tell
+from ...grid.borders import Borders
+
+_NARROWER = 0.95
+"""Borders whose width in the result is at least so much of the old one stayed as they were."""
+
+
+def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
+    """Report what sharpening did.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of lengths: "pixels" or "texels".
+    before, after : Borders
+        Measurements of an image and of its result; None if the result is the same.
+    """
+    width = before.width if before.number else 0.0
+    if after is None:
+        if width:
+            tell(f"Already sharp: borders {{width:.1f}} {unit} wide.", width=width)
+        else:
+            tell("Nothing to sharpen was found.")
+    elif width and 0 < after.width < _NARROWER * width:
+        text = f"Borders {{width:.1f}} {unit} wide, closed to {{result:.1f}}."
+        tell(text, width=width, result=after.width)
+    elif after.detail < before.detail:
+        tell("Noise was smoothed; borders stay as wide as they were.")
+    elif width and (after.width == 0 or after.number < before.number / 2):
+        tell(f"Borders up to {{width:.1f}} {unit} wide were closed.", width=width)
+    else:
+        tell("Texture was sharpened; borders stay as wide as they were.")
