@@ -502,14 +502,14 @@ MODES: list[Mode] = [
             ),
             Preset(
                 "Blurred Photo",
-                "For photos, also where Auto takes them for drawings: detail is raised, and borders"
-                " become half as wide",
+                "For photos that Auto leaves too soft: detail is raised, and borders become half as"
+                " wide",
                 {"what": "photo"},
             ),
             Preset(
                 "Very Blurred Photo",
-                "For scaled-up or badly focused photos, where Auto finds too little: closes borders"
-                " 12 pixels wide",
+                "For scaled-up or badly focused photos that Auto leaves too soft: closes borders 12"
+                " pixels wide",
                 {"what": "photo", "width": 12.0},
             ),
             _PAINTERLY,

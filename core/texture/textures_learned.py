@@ -15,7 +15,7 @@ from ..color.learned.first import SIGMAS
 from ..color.learned.images import typical_detail
 from ..color.learned.recipe import FAINT, Wishes, sharpened
 from ..color.learned.report import tell_learned
-from ..color.learned.surroundings import SOFTEST
+from ..color.learned.surroundings import WIDEST
 from ..grid.borders import Borders, measure_borders
 from ..grid.channels import Channels
 from ..settings import WIDTH_OF_SIGMA, TextureSettings
@@ -63,7 +63,7 @@ def sharpen_texels_learned(
     planes = TexelPlanes.of_texels(surface, values, channels)
     with phase(0.0, 0.2, "Sharpening"):
         detail = _detail(planes)
-    square = min(settings.width / WIDTH_OF_SIGMA, SOFTEST) ** 2
+    square = min(settings.width / WIDTH_OF_SIGMA, WIDEST) ** 2
     nearest = settings.sampling == "nearest"
     wishes = Wishes(FAINT * detail, square, settings.smoothing_passes, nearest)
     with phase(0.2, 1.0, "Sharpening"):

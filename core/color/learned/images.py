@@ -18,7 +18,7 @@ from .first import SIGMAS
 from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
 from .report import tell_learned
-from .surroundings import CELL, SOFTEST, STRIP
+from .surroundings import CELL, STRIP, WIDEST
 
 _MOST = 100.0
 """The detail of a window counts at most as so many times that of most: those of photos and drawings
@@ -103,7 +103,7 @@ def sharpen_pixels_learned(
         given, out, part = pixels[top:, left:], target[top:, left:], begun
     with phase(0.0, 0.02, "Sharpening"):
         planes = Planes.of(given, channels)
-    square = min(settings.width / WIDTH_OF_SIGMA, SOFTEST) ** 2  # the widest that it has learned
+    square = min(settings.width / WIDTH_OF_SIGMA, WIDEST) ** 2
     nearest = settings.sampling == "nearest"
     wishes = Wishes(FAINT * found.borders.detail, square, settings.smoothing_passes, nearest)
     with phase(0.02, 0.98, "Sharpening"):

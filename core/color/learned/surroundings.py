@@ -42,6 +42,9 @@ WIDTH, TOTAL = TOLD_AROUND - 1, TOLD_AROUND
 SOFTEST = 6.0
 """The widest blur that is told apart, as a Gaussian's sigma."""
 
+WIDEST = 4.5
+"""The widest blur that networks have learned to take away: what is softer is to stay so."""
+
 _SHARPEST = 0.2
 
 STRIP = 128
