@@ -39,7 +39,7 @@ def test_one_flat_chart_is_an_image():
     change = rms(expected - image)
     assert change > 0.01
     # Smoothing is by steps of a texel, so that networks are told numbers that differ a little.
-    assert rms(out - expected) < 0.1 * change
+    assert rms(out - expected) < 0.25 * change
 
 
 @pytest.mark.parametrize("angle", [None, 0.3])
