@@ -110,9 +110,25 @@ def fill_ghosts(
     return known
 
 
-def fill_planes(sheet: Sheet, sources: GhostSources, planes: npt.NDArray[np.float32]) -> None:
-    """Do as `fill_ghosts`, for planes that lie one after the other: (k, rows, columns)."""
-    run(_fill_planes, len(planes), sheet.nodes, sheet.ghosts, sources, planes, chunk=1)
+def ghosts_that_read_ghosts(sheet: Sheet, sources: GhostSources) -> Ints:
+    """List the ghosts whose values other ghosts are needed for: (k,) int32."""
+    chained = np.zeros(len(sheet.ghosts), dtype=np.bool_)
+    run(_find_chained, len(chained), sheet.nodes, sources.cells, chained)
+    return np.flatnonzero(chained).astype(np.int32)
+
+
+def fill_planes(
+    sheet: Sheet, sources: GhostSources, planes: npt.NDArray[np.float32], chained: Ints
+) -> None:
+    """Do as `fill_ghosts`, for planes that lie one after the other.
+
+    Parameters
+    ----------
+    planes : (k, rows, columns) float32
+    chained : (n,) int32
+        As from `ghosts_that_read_ghosts`.
+    """
+    run(_fill_planes, len(planes), sheet.nodes, sheet.ghosts, sources, planes, chained, chunk=1)
 
 
 def nearest_nodes(sheet: Sheet, sources: GhostSources) -> Ints:
@@ -374,17 +390,34 @@ def _read_ghosts(
 
 
 @kernel
-def _fill_planes(start, stop, nodes, ghosts, sources, planes):
-    found = np.empty((len(ghosts), 1), np.float32)
+def _find_chained(start, stop, nodes, cells, chained):
+    flat = nodes.reshape(-1)
+    for i in range(start, stop):
+        if cells[i] >= 0:
+            for corner in range(4):
+                if flat[cells[i] + (corner >> 1) * nodes.shape[1] + (corner & 1)] < NOTHING:
+                    chained[i] = True
+
+
+@kernel
+def _fill_planes(start, stop, nodes, ghosts, sources, planes, chained):
+    # The first round reads all ghosts; further ones change those that read others.
+    cells, places, _ = sources
+    found = np.zeros((len(ghosts), 1), np.float32)
     for k in range(start, stop):
         values = planes[k].reshape(-1, 1)
         known = np.zeros(len(ghosts), np.bool_)
-        for _ in range(_ROUNDS):
-            known_now = np.zeros_like(known)
-            _read_ghosts(0, len(ghosts), nodes, sources, values, -1, False, np.float32(0), known,
-                         found, known_now)  # fmt: skip
+        for once in range(_ROUNDS):
+            known_now = known.copy()
+            for n in range(len(ghosts) if once == 0 else len(chained)):
+                i = n if once == 0 else chained[n]
+                found[i] = 0.0
+                known_now[i] = cells[i] >= 0 and interpolate(
+                    nodes, known, values, cells[i], places[i, 0], places[i, 1], -1, found[i]
+                ) > 0  # fmt: skip
             known = known_now
-            for i in range(len(ghosts)):
+            for n in range(len(ghosts) if once == 0 else len(chained)):
+                i = n if once == 0 else chained[n]
                 if known[i]:
                     values[ghosts[i], 0] = found[i, 0]
 

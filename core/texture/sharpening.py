@@ -15,6 +15,7 @@ from ..base.checks import LARGEST, by_keyword, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..color.by_width.domain import flow_for_time
 from ..color.guides import checked_guide
+from ..color.image_steps import LARGEST as LARGEST_BY_WIDTH
 from ..errors import InvalidSignal
 from ..grid.channels import channel_groups, opacity_channel
 from ..grid.pixels import copied
@@ -99,7 +100,7 @@ def sharpen_texture(
     basis functions at seams; here charts are extended by ghost texels that read across the seam.
     Besides the atlas, the image and the result, each node of the sheet needs 12 bytes, and 8 more
     for each channel; at the default, which mixes as was learned (`core.texture.textures_learned`),
-    about 240 for three channels.
+    about 320 for three channels.
 
     Examples
     --------
@@ -115,8 +116,8 @@ def sharpen_texture(
     >>> [round(float(np.diff(rows[16]).max()), 1) for rows in (image, sharp)]
     [0.1, 0.3]
     """
-    given = checked_image(image, LARGEST)
     settings = given_or_default(settings, TextureSettings)
+    given = checked_image(image, LARGEST_BY_WIDTH if settings.by_width else LARGEST)
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
     alpha, normals = checked_content(pixels, settings)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.advect import advect_texels
 from ..atlas.cell_means import CellMeans
-from ..atlas.ghosts import fill_planes
+from ..atlas.ghosts import fill_planes, ghosts_that_read_ghosts
 from ..atlas.potential import smooth_texels, texel_potential
 from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
@@ -35,8 +35,9 @@ _MESSAGE = "Sharpening"
 _VARIANCE = 0.5
 """The most that a pass smooths, along each axis."""
 
-_LEAST, _MOST = 1 / 16, 16.0
-"""Bounds on the squared area of a texel, by which its time to flow is multiplied."""
+_LEAST, _MOST = 1 / 4096, 4096.0
+"""Bounds on the squared area of a texel, by which its time to flow is multiplied: those of lengths
+of 1/8 and 8."""
 
 
 def _variance_of(sigma: float) -> float:
@@ -60,6 +61,7 @@ class Surface:
         nearest = np.empty_like(ends)
         with aside(_MESSAGE):
             run(_nearest_inside, len(ends), ends, sheet.nodes, nearest)
+            self._chained = ghosts_that_read_ghosts(sheet, sources)
         self._ends, self._nearest = ends[nearest >= 0], nearest[nearest >= 0]
 
     @cached_property
@@ -76,7 +78,7 @@ class Surface:
     def complete(self, planes: Singles) -> Singles:
         """Fill the ghosts, in place: (k, rows, columns)."""
         with aside(_MESSAGE):
-            fill_planes(self.atlas.sheet, self.atlas.sources, planes)
+            fill_planes(self.atlas.sheet, self.atlas.sources, planes, self._chained)
         for plane in planes:
             flat = plane.reshape(-1)
             flat[self._ends] = flat[self._nearest]
@@ -219,12 +221,19 @@ class TexelPlanes(Planes):
             ask(done / reaches[-1])
             low[r], high[r] = (low[r - 1], high[r - 1]) if r else (self.values, self.values)
             if hidden is not None and r == 0:
-                low[r][:, hidden], high[r][:, hidden] = low[r].max(), high[r].min()
+                self._leave_out(hidden, low[r], high[r])
             self.surface.extremes(low[r], high[r], reach - done)
             done = reach
         if hidden is not None:
             low[..., hidden], high[..., hidden] = 0, 0
         return low, high
+
+    def _leave_out(self, hidden: npt.NDArray[np.bool_], low: Singles, high: Singles) -> None:
+        # Hidden texels are no least or greatest ones.
+        seen = ~hidden & self.surface.inside
+        if seen.any():
+            for least, most in zip(low, high, strict=True):
+                least[hidden], most[hidden] = least[seen].max(), most[seen].min()
 
     @cached_property
     def _ranges(self) -> dict[tuple[int, ...], tuple[Singles, Singles]]:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..base.findings import is_gathered
 from ..base.progress import aside, phase
 from ..color.learned.first import SIGMAS
-from ..color.learned.images import typical_detail
+from ..color.learned.images import detail_of, typical_detail
 from ..color.learned.recipe import FAINT, Wishes, sharpened
 from ..color.learned.report import tell_learned
 from ..color.learned.surroundings import WIDEST
@@ -23,7 +23,7 @@ from .texel_planes import Surface, TexelPlanes
 
 Texels = npt.NDArray[np.float32]
 
-_ROUNDING = 4 * float(np.finfo(np.float32).eps)
+_ROUNDING = 16 * float(np.finfo(np.float32).eps)
 """Relative differences that reading across seams makes by itself."""
 
 _SQUARE = 128
@@ -90,7 +90,7 @@ def _detail(planes: TexelPlanes) -> float:
     weights = np.asarray(planes.surface.inside, np.float32)
     if planes.opacity.size:
         weights = weights * planes.opacity
-    away = np.square(planes.values - planes.smoothed(SIGMAS, 0, len(weights))[-1]).mean(axis=0)
+    away = detail_of(planes, planes.smoothed(SIGMAS, 0, len(weights))[-1]).mean(axis=0)
     held, sums = (
         np.add.reduceat(np.add.reduceat(each, np.arange(0, each.shape[0], _SQUARE)),
                         np.arange(0, each.shape[1], _SQUARE), axis=1).ravel()

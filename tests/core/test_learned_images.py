@@ -327,7 +327,8 @@ def test_what_was_done_is_told():
     for after, words in (
         (None, "Already sharp: borders 6.0 pixels wide."),
         (Borders(width=2.0, number=90, detail=1.5), "Borders 6.0 pixels wide, closed to 2.0."),
-        (Borders(width=9.0, number=20, detail=1.5), "Borders up to 6.0 pixels wide were closed."),
+        (Borders(width=0.0, number=2, detail=1.5), "Borders up to 6.0 pixels wide were closed."),
+        (Borders(width=9.0, number=20, detail=1.5), "Texture was sharpened"),
         (Borders(width=6.1, number=90, detail=0.5), "Noise was smoothed"),
         (Borders(width=6.1, number=90, detail=1.5), "Texture was sharpened"),
     ):

@@ -10,7 +10,12 @@ from scipy import ndimage
 from shapes import grid, icosphere, rotation
 from shock_filter import core
 from shock_filter.core.atlas.cell_means import COARSE, FINE, CellMeans, _squares, _walk
-from shock_filter.core.atlas.ghosts import fill_ghosts, fill_planes, nearest_nodes
+from shock_filter.core.atlas.ghosts import (
+    fill_ghosts,
+    fill_planes,
+    ghosts_that_read_ghosts,
+    nearest_nodes,
+)
 from shock_filter.core.color.learned.planes import Planes
 from shock_filter.core.grid.channels import Channels
 from shock_filter.core.texture.texel_planes import Surface, TexelPlanes
@@ -73,13 +78,36 @@ def test_nothing_leaves_the_local_range():
     assert (out <= high + 1e-6).all()
 
 
-def test_constants_stay():
-    mesh, blocks = cut(np.full((64, 64, 3), 0.37, np.float32))
-    given = blocks.texture(0.37)
+@pytest.mark.parametrize("angle", [0.3, 0.7, 1.1])
+@pytest.mark.parametrize("value", [0.37, 0.1, 1000.37])
+def test_constants_stay(angle, value):
+    color = np.float32(value) * np.array([1.0, 0.7, 0.31], np.float32)
+    mesh, blocks = cut(np.tile(color, (64, 64, 1)), angle)
+    given = np.tile(color, (blocks.width, blocks.width, 1))
     out = core.sharpen_texture(mesh, blocks.uv, given)
     inside = core.TextureAtlas(mesh, blocks.uv, size=given.shape[:2]).inside
     np.testing.assert_array_equal(out[inside], given[inside])
-    np.testing.assert_allclose(out, given, atol=1e-6)
+
+
+def test_the_gutter_changes_nothing_beside_opacity():
+    color = spoiled()
+    opacity = np.ones((128, 128, 1), np.float32)
+    opacity[30:60, 30:70] = 0
+    mesh, blocks = cut(np.concatenate([color, opacity], axis=2), 0.3)
+    inside = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width)).inside
+    settings = core.TextureSettings(seams="continue")
+    one, two = (
+        core.sharpen_texture(mesh, blocks.uv, blocks.texture(gutter), settings)[inside]
+        for gutter in (0.0, [1e6, 1e6, 1e6, 1.0])
+    )
+    seen = one[:, 3] == 1
+    np.testing.assert_array_equal(one[seen], two[seen])
+
+
+def test_values_that_overflow_are_refused():
+    mesh, uv = flat_square()
+    with pytest.raises(core.InvalidSignal, match=r"1e\+15"):
+        core.sharpen_texture(mesh, uv, 1e17 * spoiled())
 
 
 def test_scaled_and_shifted_values_give_scaled_and_shifted_results():
@@ -192,7 +220,7 @@ def test_planes_are_filled_as_interleaved_values(surface):
     values = np.random.default_rng(0).random((*sheet.nodes.shape, 3)).astype(np.float32)
     planes = np.ascontiguousarray(np.moveaxis(values, 2, 0))
     fill_ghosts(sheet, sources, values)
-    fill_planes(sheet, sources, planes)
+    fill_planes(sheet, sources, planes, ghosts_that_read_ghosts(sheet, sources))
     np.testing.assert_array_equal(np.moveaxis(planes, 0, 2), values)
 
 

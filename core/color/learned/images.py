@@ -18,7 +18,9 @@ from .first import SIGMAS
 from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
 from .report import tell_learned
-from .surroundings import CELL, STRIP, WIDEST
+from .surroundings import CELL, STRIP, WIDEST, Singles
+
+_ROUNDING = 16 * float(np.finfo(np.float32).eps)
 
 _MOST = 100.0
 """The detail of a window counts at most as so many times that of most: those of photos and drawings
@@ -42,6 +44,13 @@ def typical_detail(details: npt.NDArray, weights: npt.NDArray) -> float:
     return float(np.average(np.minimum(details, _MOST * np.median(details[seen])), weights=weights))
 
 
+def detail_of(planes: Planes, smooth: Singles) -> Singles:
+    """Square what a smoothing took away; 0 where it is rounding alone."""
+    away = planes.values - smooth
+    away[np.abs(away) < _ROUNDING * np.abs(planes.values)] = 0
+    return np.square(away)
+
+
 def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
     """Measure how much a smoothing takes away, as a mean square, in windows all over an image."""
     windows = windows_to_measure(pixels.shape[:2])
@@ -50,8 +59,8 @@ def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
     def measure(start: int, stop: int) -> None:
         for i in range(start, stop):
             planes = Planes.of(pixels[windows[i]], channels)
-            away = planes.values - planes.smoothed(SIGMAS[-1:], 0, planes.values.shape[1])[0]
-            squares = np.square(away, dtype=np.float64)
+            smooth = planes.smoothed(SIGMAS[-1:], 0, planes.values.shape[1])[0]
+            squares = np.float64(detail_of(planes, smooth))
             if planes.opacity.size:
                 squares *= planes.opacity / max(planes.opacity.mean(dtype=np.float64), 1e-6)
             found[i] = squares.mean()

@@ -44,6 +44,8 @@ DEFINITION = digest("images 2", repr((
 FAINT = 5e-5
 """Of an image's detail: energy that counts as none."""
 
+_MOST = float(np.finfo(np.float16).max)
+
 _PIXELS = 2048
 """That a network looks at at once."""
 
@@ -148,7 +150,7 @@ def mixed(
             first, low, high = strip.limits
             keep_within(y, end, first, base, differences, shares, low, high, out)
             if keep_shares:
-                kept[:, y:end] = shares
+                kept[:, y:end] = np.clip(shares, -_MOST, _MOST)
 
     if stage.planes.whole:
         with phase(0.0, 0.4, _MESSAGE):

@@ -31,7 +31,7 @@ def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
         tell(text, width=width, result=after.width)
     elif after.detail < before.detail:
         tell("Noise was smoothed; borders stay as wide as they were.")
-    elif width and (after.width == 0 or after.number < before.number / 2):
+    elif width and after.width == 0:
         tell(f"Borders up to {{width:.1f}} {unit} wide were closed.", width=width)
     else:
         tell("Texture was sharpened; borders stay as wide as they were.")
