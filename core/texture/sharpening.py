@@ -100,7 +100,7 @@ def sharpen_texture(
     basis functions at seams; here charts are extended by ghost texels that read across the seam.
     Besides the atlas, the image and the result, each node of the sheet needs 12 bytes, and 8 more
     for each channel; at the default, which mixes as was learned (`core.texture.textures_learned`),
-    about 320 for three channels.
+    about 300 for three channels.
 
     Examples
     --------

@@ -24,7 +24,7 @@ _ROUNDING = 16 * float(np.finfo(np.float32).eps)
 
 _MOST = 100.0
 """The detail of a window counts at most as so many times that of most: those of photos and drawings
-differ by a factor of three, but the sun in an HDR photo would hide all else."""
+differ far less, but the sun in an HDR photo would hide all else."""
 
 
 def is_learned(settings: ImageSettings, has_guide: bool) -> bool:
