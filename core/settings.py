@@ -400,11 +400,13 @@ class ShockSettings(_Settings):
         return self.time == 0 or self.amount == 0
 
 
-def _alpha() -> Any:
+def _alpha(sharpened: bool = False) -> Any:
+    stays = " Opacity stays as it is,"
+    by_itself = " Opacity is sharpened by itself unless What or Time is given,"
     return _setting(
         "auto",
-        "Whether the last channel is opacity. Opacity stays as it is, and transparent pixels"
-        " lend no color to others",
+        "Whether the last channel is opacity."
+        f"{by_itself if sharpened else stays} and transparent pixels lend no color to others",
         choices={
             "auto": "The last of two or four channels is opacity",
             "none": "No channel is opacity: all are filtered alike",
@@ -435,7 +437,7 @@ class ImageSettings(ShockSettings):
         role="enlargement",
         rehearsed=(2,),
     )
-    alpha: str = _alpha()
+    alpha: str = _alpha(sharpened=True)
 
 
 @_fields
@@ -522,7 +524,7 @@ class TextureSettings(DilateSettings, ShockSettings):
     width: float = _changed(
         ShockSettings, "width", 0.0, unit="mean texel sizes on the surface", counts_in="texels"
     )
-    alpha: str = _alpha()
+    alpha: str = _alpha(sharpened=True)
     content: str = _content()
 
 

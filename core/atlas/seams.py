@@ -87,7 +87,7 @@ def settle_seams(
         return atlas.closed(np.cumsum(counts, dtype=np.int32), np.ones(len(seams), dtype=np.bool_))
     parts = _cut(atlas)
     ask()
-    unseen = max(_STEPS * step, _UNSEEN * _range(atlas, values))
+    unseen = max(_STEPS * step, _UNSEEN * _range(atlas, values, alpha))
     closed = _differing(atlas, parts, values.reshape(-1, values.shape[2]), unseen, alpha, normals)
     if not closed.any():
         return atlas
@@ -124,14 +124,17 @@ def _differing(
     return closed & (votes[last] - votes[first] > -1e-9)
 
 
-def _range(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> float:
-    # The range of nearly all values, in the channel where it is largest.
+def _range(atlas: TextureAtlas, values: npt.NDArray[np.float32], alpha: int) -> float:
+    # The range of nearly all visible values, in the channel where it is largest.
     nodes = atlas.sheet.nodes.reshape(-1)
     stride = nodes.size // _SAMPLE | 1
     sample = values.reshape(nodes.size, -1)[::stride][nodes[::stride] >= 0]
-    if len(sample) == 0:
+    shown = sample if alpha < 0 else sample[sample[:, alpha] > 0]
+    if len(shown) == 0:
         return 0.0
-    low, high = np.quantile(sample, (0.01, 0.99), axis=0)
+    low, high = np.quantile(shown, (0.01, 0.99), axis=0)
+    if alpha >= 0:
+        low[alpha], high[alpha] = np.quantile(sample[:, alpha], (0.01, 0.99))
     return float((high - low).max())
 
 

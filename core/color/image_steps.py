@@ -16,7 +16,7 @@ from ..base.checks import (
 from ..base.parallel import blocks
 from ..base.progress import aside, phase
 from ..grid.borders import measure_borders
-from ..grid.channels import Channels, channel_groups, opacity_channel
+from ..grid.channels import Channels, channel_groups, opacity_channel, with_opacity
 from ..grid.enlarge import enlarged
 from ..grid.part import Part
 from ..grid.pixels import mix
@@ -144,6 +144,7 @@ def measured_each(
     if lead is None:
         groups = channel_groups(pixels.shape[2], settings)
         if is_learned(settings, False):
+            groups = with_opacity(groups)
             if known and known.borders.detail == 0.0:  # measured for another way
                 return tuple(with_detail(known, pixels, each) for each in groups)
             return tuple(known or measured_for_learned(pixels, each, settings) for each in groups)
@@ -192,6 +193,9 @@ def _sharpen_into(
             else:
                 found = known
     learned = is_learned(settings, lead is not None)
+    alpha = groups[0].alpha
+    if learned and alpha >= 0 and np.ptp(pixels[..., alpha]) > 0:
+        groups = with_opacity(groups)
     if lead is not None:
         _follow_into(widened, pixels, lead, settings, found, part)
         groups = []
@@ -203,8 +207,17 @@ def _sharpen_into(
                 sharpen_pixels_by_width(pixels, channels, settings, widened, found[number], part)
             else:
                 _flow_into(widened, pixels, channels, pixels, channels, settings, part)
+    if learned and alpha >= 0:
+        _hide(pixels[..., alpha], widened[..., alpha])
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
+
+
+def _hide(old: npt.NDArray, new: npt.NDArray) -> None:
+    # What was hidden has no color to show.
+    with aside("Sharpening"):
+        for band in blocks(len(old), BAND):
+            np.copyto(new[band], old[band], where=old[band] == 0)
 
 
 def _widened(pixels: npt.NDArray) -> npt.NDArray:

@@ -53,3 +53,10 @@ def channel_groups(count: int, settings: ImageSettings | TextureSettings) -> lis
     if settings.channels == "luminance":
         return [Channels(0, colors, alpha, brightness_weights(colors).astype(np.float32))]
     return [Channels(0, colors, alpha, none)]
+
+
+def with_opacity(groups: list[Channels]) -> list[Channels]:
+    """Add opacity, where there is one, as a group of its own."""
+    alpha = groups[0].alpha
+    none = np.empty(0, dtype=np.float32)
+    return groups if alpha < 0 else [*groups, Channels(alpha, alpha + 1, -1, none)]

@@ -28,7 +28,7 @@ _ROWS = 256
 def filter_image(
     image: HostImage, name: str, settings: Any, progress: ProgressCallback | None = None
 ) -> Recolored:
-    """Filter an image, with colors that are not multiplied by opacity; opacity stays.
+    """Filter an image, with colors that are not multiplied by opacity.
 
     Parameters
     ----------

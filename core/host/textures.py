@@ -41,7 +41,7 @@ class Retextured:
 def filter_texture(
     surface: TexturedSurface, name: str, settings: Any, progress: ProgressCallback | None = None
 ) -> Retextured:
-    """Filter a texture; opacity stays inside the charts.
+    """Filter a texture.
 
     Parameters
     ----------

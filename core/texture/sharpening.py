@@ -17,7 +17,7 @@ from ..color.by_width.domain import flow_for_time
 from ..color.guides import checked_guide
 from ..color.image_steps import LARGEST as LARGEST_BY_WIDTH
 from ..errors import InvalidSignal
-from ..grid.channels import channel_groups, opacity_channel
+from ..grid.channels import channel_groups, opacity_channel, with_opacity
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings, given_or_default
@@ -78,9 +78,10 @@ def sharpen_texture(
     -------
     array like `image`
         Inside the charts, each value is within the range of the input near it on the surface, up
-        to rounding to single precision; opacity stays. The gutter around them is filled with the
-        colors across the seam; at closed seams, the chart's own colors are extended. A time of 0
-        returns the input bit for bit.
+        to rounding to single precision. Opacity is sharpened by itself; it stays where a time or
+        What is given, or a guide. The gutter around them is filled with the colors across the seam;
+        at closed seams, the chart's own colors are extended. A time of 0 returns the input bit for
+        bit.
 
     Raises
     ------
@@ -134,6 +135,8 @@ def sharpen_texture(
         with phase(0.3, 0.9, "Sharpening"):
             if lead is None:
                 texture, values = gathered(texture, settings)
+                learned = are_learned(settings, normals)
+                texture = texture._replace(opacity_stays=not learned)
                 values = _sharpened(texture, values, settings, weights)
             else:
                 texture, values, leading = _gathered_with(texture, lead, settings)
@@ -234,6 +237,10 @@ def _sharpened(
         result = copied(values)
     groups = channel_groups(values.shape[2], settings)
     surface = Surface(atlas) if are_learned(settings, normals) else None
+    if surface is not None and texture.alpha >= 0:
+        opacity = values[surface.inside][:, texture.alpha]
+        if (opacity[1:] != opacity[:-1]).any():
+            groups = with_opacity(groups)
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
             if surface is not None:
@@ -245,6 +252,8 @@ def _sharpened(
             domain = SheetDomain(atlas, channels, settings.sampling == "nearest", normals)
             passes = settings.smoothing_passes
             flow_for_time(domain, values, domain, values, passes, settings.time, result)
+    if surface is not None and texture.alpha >= 0:  # what was hidden has no color to show
+        result[..., texture.alpha][values[..., texture.alpha] == 0] = 0
     mix_texels(atlas, values, settings.amount, weights, result)
     return result
 

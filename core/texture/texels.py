@@ -51,6 +51,8 @@ class Texture(NamedTuple):
         Frames that turn such normals to object space for the filter; `normals` is then False.
     unit : bool
         Whether the filter works on object-space normals of unit length in the first channels.
+    opacity_stays : bool
+        Whether opacity keeps its bits inside charts.
     """
 
     atlas: TextureAtlas
@@ -59,6 +61,7 @@ class Texture(NamedTuple):
     normals: bool = False
     frames: NormalFrames | None = None
     unit: bool = False
+    opacity_stays: bool = True
 
 
 def normals_of(
@@ -200,7 +203,8 @@ class Output:
             if texture.normals or texture.unit:
                 run(unit_normals, len(values), values, chunk=ROWS)
             out = copied(texture.pixels)
-        self._writer.write(values, keep, out, opacity=texture.alpha)
+        opacity = texture.alpha if texture.opacity_stays else -1
+        self._writer.write(values, keep, out, opacity=opacity)
         return out
 
 

@@ -130,7 +130,53 @@ def test_what_did_not_change_keeps_the_bits_of_doubles():
     np.testing.assert_array_equal(out[:, :32], image[:, :32])
 
 
-def test_hidden_pixels_lend_no_color_and_opacity_stays():
+def logo() -> np.ndarray:
+    """Disks, a ring and a bar with soft outlines of a pixel, multiplied by their opacity."""
+    y, x = np.mgrid[:160, :160] + 0.5
+
+    def disk(cy, cx, r):
+        return np.clip(r + 0.5 - np.hypot(y - cy, x - cx), 0, 1)
+
+    bar = np.clip(8.5 - np.abs(y - 128), 0, 1) * np.clip(50.5 - np.abs(x - 80), 0, 1)
+    parts = [(disk(50, 45, 30) - disk(50, 45, 17), (0.9, 0.2, 0.1)), (bar, (0.1, 0.1, 0.2)),
+             (disk(60, 115, 24), (0.1, 0.4, 0.9))]  # fmt: skip
+    return sum(part[..., None] * np.array([*color, 1.0]) for part, color in parts)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_a_soft_logo_gets_a_crisp_outline(dtype):
+    truth = logo()
+    soft = np.stack([ndimage.gaussian_filter(truth[..., c], 2.2) for c in range(4)], axis=2)
+    opacity = soft[..., 3:]
+    image = np.concatenate([soft[..., :3] / np.maximum(opacity, 1e-9), opacity], axis=2)
+    image = as_bytes(image) if dtype == np.uint8 else image.astype(dtype)
+    scale = 255 if dtype == np.uint8 else 1
+    sharp = core.sharpen_image(image)
+    hidden = image[..., 3] == 0
+    np.testing.assert_array_equal(sharp[hidden], image[hidden])
+
+    def half_transparent(pixels):
+        alpha = pixels[..., 3] / scale
+        return ((alpha > 0.03) & (alpha < 0.97)).mean()
+
+    true, before, after = half_transparent(scale * truth), *map(half_transparent, (image, sharp))
+    assert after - true < 0.15 * (before - true)
+    found = sharp / scale
+    assert fidelity(found[..., :3] * found[..., 3:], truth[..., :3]) > (
+        fidelity(soft[..., :3], truth[..., :3]) + 4.0
+    )
+
+
+def test_opacity_is_sharpened_as_a_gray_image_but_not_where_more_is_given():
+    alpha = ndimage.gaussian_filter(logo()[..., 3], 1.5).astype(np.float32) * np.float32(0.9) + 0.1
+    image = np.concatenate([scene(16)[:160, :160], alpha[..., None]], axis=2)
+    np.testing.assert_array_equal(core.sharpen_image(image)[..., 3], core.sharpen_image(alpha))
+    for words in ({"what": "drawing"}, {"time": 64.0}, {"amount": 0.0}):
+        sharp = core.sharpen_image(image, core.ImageSettings(**words))
+        np.testing.assert_array_equal(sharp[..., 3], alpha)
+
+
+def test_hidden_pixels_lend_no_color_and_stay_hidden():
     color = scene(13)
     opacity = np.zeros((*color.shape[:2], 1), np.float32)
     opacity[:, 150:] = np.clip(np.linspace(0, 3, 384 - 150), 0, 1)[None, :, None]
@@ -141,8 +187,7 @@ def test_hidden_pixels_lend_no_color_and_opacity_stays():
     np.testing.assert_array_equal(one[:, 151:], two[:, 151:])
     np.testing.assert_array_equal(one[:, :151], image[:, :151])
     np.testing.assert_array_equal(two[:, :151], other[:, :151])
-    np.testing.assert_array_equal(one[..., 3:], opacity)
-    assert (one[:, 151:] != image[:, 151:]).any()
+    assert (one[:, 151:, :3] != image[:, 151:, :3]).any()
 
 
 def test_even_opacity_changes_nothing():
