@@ -149,7 +149,7 @@ def test_newest(session: nox.Session) -> None:
     """Test the core with the newest libraries that the wheel allows."""
     extras = ",".join([*EXTRAS, "test"])
     install(session, "--upgrade", "--upgrade-strategy=eager", "-e", f".[{extras}]")
-    session.run("pytest", "tests/core", *session.posargs)
+    session.run("pytest", *(session.posargs or ["tests/core"]))
 
 
 @nox.session
