@@ -10,6 +10,12 @@ from ..settings import Setting
 _OCTAVE = 50.0
 """Number of pixels that double the value."""
 
+_WHOLE = 400.0
+"""Number of pixels from 0 to the useful maximum of a share."""
+
+TIMES = 14
+"""Number of times that the useful range of times can be halved."""
+
 
 class LogarithmicDial:
     """A number on a logarithmic scale; at its lower end it is 0, at its upper end infinite.
@@ -23,7 +29,7 @@ class LogarithmicDial:
         Number of times that the useful range can be halved.
     """
 
-    def __init__(self, value: float, about: Setting, octaves: int = 14) -> None:
+    def __init__(self, value: float, about: Setting, octaves: int = TIMES) -> None:
         self._high = math.log2(min(16.0 * about.soft_maximum, about.maximum))
         self._low = math.log2(about.soft_maximum) - octaves
         self._endless = math.isinf(about.maximum)
@@ -44,6 +50,37 @@ class LogarithmicDial:
     def drag(self, pixels: float) -> None:
         """Change the number by a mouse move in pixels, positive to the right."""
         self._place = min(max(self._place + pixels / _OCTAVE, self._low), self._high)
+
+
+class LinearDial:
+    """A share on a linear scale, between its bounds.
+
+    Parameters
+    ----------
+    value : float
+    about : Setting
+    """
+
+    def __init__(self, value: float, about: Setting) -> None:
+        self._about = about
+        self._place = value
+
+    @property
+    def value(self) -> float:
+        """The number, to three digits."""
+        return float(f"{self._place:.3g}")
+
+    def drag(self, pixels: float) -> None:
+        """Change the number by a mouse move in pixels, positive to the right."""
+        place = self._place + pixels / _WHOLE * self._about.soft_maximum
+        self._place = min(max(place, self._about.minimum), self._about.maximum)
+
+
+def dial_of(value: float, about: Setting, octaves: int) -> LogarithmicDial | LinearDial:
+    """Return a dial for a setting: linear for shares, which have no unit of length."""
+    if about.length_power == 0 and math.isfinite(about.maximum):
+        return LinearDial(value, about)
+    return LogarithmicDial(value, about, octaves)
 
 
 def turned(value: float, kind: type, about: Setting, clicks: float) -> float:

@@ -12,7 +12,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
-from ...core.preview.dials import LogarithmicDial, turned
+from ...core.preview.dials import TIMES, dial_of, turned
 from ...core.settings import describe
 from ..data.skipped import explain
 from ..modes import STEADY_STATE, Mode
@@ -75,8 +75,8 @@ class Preview:
         if self.dial:
             endless = getattr(parameters, STEADY_STATE, False)
             start = math.inf if endless else getattr(parameters, self.dial)
-            octaves = {} if self.dial == target.time else {"octaves": _WIDTHS}
-            self._dial = LogarithmicDial(start, self._about[self.dial][2], **octaves)
+            octaves = TIMES if self.dial == target.time else _WIDTHS
+            self._dial = dial_of(start, self._about[self.dial][2], octaves)
         kernels.choose_folder()
         self._job: Job | None = None
         self._began = 0.0

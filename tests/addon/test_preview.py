@@ -13,7 +13,7 @@ from shock_filter.core import GeometrySettings, InvalidMesh, InvalidSettings
 from shock_filter.core.host import colors
 from shock_filter.core.host.geometry import filter_shape
 from shock_filter.core.host.inputs import Denoising, MirroredSurface
-from shock_filter.core.preview.dials import LogarithmicDial, turned
+from shock_filter.core.preview.dials import LinearDial, LogarithmicDial, dial_of, turned
 from shock_filter.core.preview.patch import Patch, patch_around, seen_vertex, whole_surface
 from shock_filter.core.settings import (
     OF_PAPER,
@@ -913,6 +913,22 @@ def test_the_time_dial_reaches_from_zero_to_the_steady_state():
     bounded = LogarithmicDial(1.0, ABOUT["max_displacement"])
     bounded.drag(1e6)
     assert bounded.value == pytest.approx(80.0)
+
+
+def test_shares_have_a_linear_dial_and_times_and_widths_none():
+    strength = describe(BeltramiGeometrySettings)["strength"][2]
+    dial = dial_of(1.0, strength, 14)
+    assert isinstance(dial, LinearDial)
+    dial.drag(-100)
+    assert dial.value == 0.75
+    dial.drag(40)
+    assert dial.value == 0.85
+    dial.drag(1e6)
+    assert dial.value == 2.0
+    dial.drag(-1e6)
+    assert dial.value == 0.0
+    for name in ("time", "widest_fillet", "max_displacement"):
+        assert isinstance(dial_of(1.0, ABOUT[name], 14), LogarithmicDial), name
 
 
 @pytest.mark.parametrize("time", [0.1, 1234.5, 65536.0, 100_000.0])
