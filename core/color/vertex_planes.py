@@ -60,7 +60,7 @@ class Vertices:
         with aside(_MESSAGE):
             self.units = squared_units(mesh)
             self.masses = lumped_mass(mesh)
-            self.graph, self._conducted = vertex_graph(mesh, self.units)
+            self.graph, self._weights = vertex_graph(mesh, self.masses / self.units)
             self.windows = windows_of(mesh, self.units)
         self.rows = max(-(-mesh.vertex_count // _ROW), 2)
 
@@ -73,7 +73,7 @@ class Vertices:
     def means(self) -> CellMeans:
         """Means over wide surroundings."""
         with aside(_MESSAGE):
-            return CellMeans(self.mesh, self.units, self._conducted, self.masses, _MESSAGE)
+            return CellMeans(self.mesh, self.units, self._weights, self.masses, _MESSAGE)
 
     @cached_property
     def inside(self) -> npt.NDArray[np.bool_]:

@@ -44,15 +44,15 @@ class CellMeans:
     mesh : TriangleMesh
     units : (n,) float64
         Squared units of length.
-    conducted : (k,) float64
-        Of each of ``mesh.neighbours``; see `spreading.vertex_graph`.
+    weights : (k,) float64
+        Cotangent weights of ``mesh.neighbours``.
     masses : (n,) float64
         Areas of the vertices.
     message : str
     """
 
     def __init__(
-        self, mesh: TriangleMesh, units: Floats, conducted: Floats, masses: Floats, message: str
+        self, mesh: TriangleMesh, units: Floats, weights: Floats, masses: Floats, message: str
     ) -> None:
         self._message = message
         self._places, self._units, self._masses = mesh.scaled_vertices, units, masses
@@ -63,13 +63,14 @@ class CellMeans:
         ask()
         self._held = np.bincount(self._fine, masses, count)
         lengths = np.empty(len(ring))
-        run(_measure, mesh.vertex_count, mesh.scaled_vertices, start, ring, conducted, lengths)
+        run(_measure, mesh.vertex_count, mesh.scaled_vertices, start, ring, weights, lengths)
         self._middles = _averaged(self._fine, masses, self._held, mesh.scaled_vertices)
         ask()
         owners = np.repeat(self._fine, np.diff(start))
         contacts = _contacts(owners, self._fine[ring], lengths, count)
         ask()
-        self._walk = _cell_graph(contacts, self._middles, self._held, FINE)
+        own = np.bincount(self._fine, masses / units, count)  # areas in their own units
+        self._walk = _cell_graph(contacts, self._middles, own, FINE)
         coarse_keys = np.empty(count, np.int64)
         coarse_keys[self._fine] = keys[:, 1]
         self._parents, coarse_count = _parts(contacts.indptr, contacts.indices, coarse_keys)
@@ -78,7 +79,9 @@ class CellMeans:
         middles = _averaged(self._parents, self._held, self._coarse_held, self._middles)
         owners = np.repeat(self._parents, np.diff(contacts.indptr))
         coarse = _contacts(owners, self._parents[contacts.indices], contacts.data, coarse_count)
-        self._coarse_walk = _cell_graph(coarse, middles, self._coarse_held, RATIO * FINE)
+        self._coarse_walk = _cell_graph(
+            coarse, middles, np.bincount(self._parents, own, coarse_count), RATIO * FINE
+        )
         near = csr_matrix((np.ones(len(contacts.data), np.float32), contacts.indices,
                            contacts.indptr), contacts.shape)  # fmt: skip
         near = (near @ near + near).tocsr()
@@ -201,14 +204,14 @@ def _flood(start, stop, begin, others, keys, part, number, queue):
 
 
 @kernel
-def _measure(start, stop, vertices, ring_start, ring, conducted, lengths):
+def _measure(start, stop, vertices, ring_start, ring, weights, lengths):
     # What each edge conducts, times its length.
     for v in range(start, stop):
         for i in range(ring_start[v], ring_start[v + 1]):
             total = 0.0
             for x in range(3):
                 total += (vertices[ring[i], x] - vertices[v, x]) ** 2
-            lengths[i] = conducted[i] * np.sqrt(total)
+            lengths[i] = weights[i] * np.sqrt(total)
 
 
 @kernel

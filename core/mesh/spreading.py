@@ -18,8 +18,7 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..base.progress import phase
-from ..base.vectors import dot, edge
-from .calculus import cotangents, lumped_mass, stiffness_weights
+from .calculus import cotangents, stiffness_weights
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
 Singles = npt.NDArray[np.float32]
@@ -88,13 +87,13 @@ class Graph:
 def graph_of(
     start: Ints, others: Ints, weights: Floats, masses: Floats, most: float = FASTEST
 ) -> Graph:
-    """Make a graph of symmetric weights and of masses; none exchanges more than `most`."""
+    """Make a graph of symmetric weights and of masses; what would exchange too much gets more mass.
+
+    So linear functions stay as they are wherever the weights keep them so.
+    """
     count = len(masses)
-    limits, rates = np.empty(count), np.empty(len(others), np.float32)
-    run(_limit, count, start, weights, masses, most, limits)
-    run(_rate, count, start, others, weights, masses, limits, rates)
-    sums = np.empty(count)
-    run(_sum, count, start, rates, sums)
+    rates, sums = np.empty(len(others), np.float32), np.empty(count)
+    run(_rate, count, start, weights, masses, most, rates, sums)
     return Graph(start, others, rates, most, float(sums.max(initial=0.0)))
 
 
@@ -115,20 +114,22 @@ def squared_units(mesh: TriangleMesh) -> Floats:
     return values
 
 
-def vertex_graph(mesh: TriangleMesh, units: Floats) -> tuple[Graph, Floats]:
-    """Return the graph of the vertices, and what each edge conducts, beside its neighbours.
+def vertex_graph(mesh: TriangleMesh, masses: Floats) -> tuple[Graph, Floats]:
+    """Return the graph of the vertices, and the weights of ``mesh.neighbours``.
+
+    Cotangents below 0 count as 0, so that what spreads stays between what there was.
 
     Parameters
     ----------
     mesh : TriangleMesh
-    units : (n,) float64
-        Squared units of length.
+    masses : (n,) float64
+        Areas of the vertices, in their own units.
     """
     start, others, weights, _ = stiffness_weights(
         mesh, cotangents(mesh), np.zeros(mesh.vertex_count)
     )
-    run(_conduct, mesh.vertex_count, start, others, units, weights)
-    return graph_of(start, others, weights, lumped_mass(mesh)), weights
+    np.maximum(weights, 0.0, out=weights)
+    return graph_of(start, others, weights, masses), weights
 
 
 @kernel
@@ -151,36 +152,15 @@ def _area_of_corners(start, stop, faces, areas, values, out):
 
 
 @kernel
-def _conduct(start, stop, ring_start, ring, units, weights):
-    for v in range(start, stop):
-        for i in range(ring_start[v], ring_start[v + 1]):
-            weights[i] = max(weights[i], 0.0) * 0.5 * (units[v] + units[ring[i]])
-
-
-@kernel
-def _limit(start, stop, ring_start, weights, masses, most, limits):
-    # What each takes of its weights.
+def _rate(start, stop, ring_start, weights, masses, most, rates, sums):
     for v in range(start, stop):
         total = 0.0
         for i in range(ring_start[v], ring_start[v + 1]):
             total += weights[i]
-        limits[v] = min(most * masses[v] / max(total, 1e-300), 1.0)
-
-
-@kernel
-def _rate(start, stop, ring_start, ring, weights, masses, limits, rates):
-    for v in range(start, stop):
+        mass = max(masses[v], total / most, 1e-300)
         for i in range(ring_start[v], ring_start[v + 1]):
-            limit = min(limits[v], limits[ring[i]])
-            rates[i] = limit * weights[i] / max(masses[v], 1e-300)
-
-
-@kernel
-def _sum(start, stop, ring_start, rates, sums):
-    for v in range(start, stop):
-        sums[v] = 0.0
-        for i in range(ring_start[v], ring_start[v + 1]):
-            sums[v] += rates[i]
+            rates[i] = weights[i] / mass
+        sums[v] = total / mass
 
 
 @kernel
