@@ -21,10 +21,10 @@ from ..flow.advect import average_corners, read_points
 from ..flow.potential import squared_gradient
 from ..flow.trace import corner_offsets, trace
 from ..grid.part import Part
-from ..mesh.calculus import average_to_vertices, lumped_mass
+from ..mesh.calculus import lumped_mass
 from ..mesh.cell_means import CellMeans
 from ..mesh.spreading import squared_units, vertex_graph
-from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.windows import widened, windows_of
 from .learned.planes import NONE, Plan, Planes, gaussian_of
 from .learned.surroundings import Singles
@@ -53,6 +53,15 @@ class Vertices:
     Parameters
     ----------
     mesh : TriangleMesh
+
+    Attributes
+    ----------
+    units : (n,) float64
+        Squared units of length, in squared mean edge lengths.
+    masses : (n,) float64
+        Areas.
+    trust : (m,) float64
+        How much the gradients of faces count: their areas, but slivers less.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -62,6 +71,8 @@ class Vertices:
             self.masses = lumped_mass(mesh)
             self.graph, self._weights = vertex_graph(mesh, self.masses / self.units)
             self.windows = windows_of(mesh, self.units)
+            self.trust = np.empty(mesh.face_count)
+            run(_trust, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, self.trust)
         self.rows = max(-(-mesh.vertex_count // _ROW), 2)
 
     @cached_property
@@ -88,9 +99,7 @@ class Vertices:
 
     def values_of(self, planes: Singles) -> Singles:
         """Take values of vertices from rows: (k, rows, columns) -> (n, k)."""
-        return np.ascontiguousarray(
-            planes.reshape(len(planes), -1)[:, : self.mesh.vertex_count].T
-        )
+        return np.ascontiguousarray(planes.reshape(len(planes), -1)[:, : self.mesh.vertex_count].T)
 
     def spread(self, values: Singles, variance: float) -> Singles:
         """Smooth values (n, k)."""
@@ -173,7 +182,7 @@ class VertexPlanes(Planes):
         values, out = vertices.values_of(smooth), np.zeros(smooth[0].size, np.float32)
         with aside(_MESSAGE):
             run(_slopes, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
-                mesh.areas, *mesh.corners, vertices.units, values, out)  # fmt: skip
+                mesh.areas, vertices.trust, *mesh.corners, vertices.units, values, out)  # fmt: skip
         return out.reshape(smooth.shape[1:])
 
     def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
@@ -218,26 +227,26 @@ class VertexPlanes(Planes):
             potential = self._potential(guide, passes)
             wide = vertices.spread(potential, plan.passes * _PASS)
             shares = vertices.values_of(plan.shares[None])
-            mixed = np.float64(potential + shares * (wide - potential))[:, 0]
+            mixed = (potential + shares * (wide - potential))[:, 0].astype(np.float64)
         fourth = np.clip(vertices.units**2, _LEAST, _MOST)
-        times = np.float64(vertices.values_of(plan.times[None])[:, 0]) * fourth
+        times = vertices.values_of(plan.times[None])[:, 0] * fourth
         with phase(0.3, 1.0, "Tracing flow-lines"):
             points, coordinates = corner_offsets(mesh)
             trace(mesh, mixed, times[mesh.faces.reshape(-1)], points, coordinates)
-            given = np.float64(values)
+            given = values.astype(np.float64)
             ends = read_points(mesh, given, points, coordinates, nearest)
             moved = average_corners(mesh, ends, given)
         return self.with_values(vertices.planes_of(moved))
 
     def _potential(self, guide: Singles, passes: int) -> Singles:
         # P, smoothed before and after: (n, 1).
-        mesh, energy = self.vertices.mesh, np.empty((self.vertices.mesh.face_count, 1))
-        smooth = np.float64(self.vertices.spread(guide, passes * _PASS))
+        vertices, mesh = self.vertices, self.vertices.mesh
+        smooth = vertices.spread(guide, passes * _PASS)
+        potential = np.zeros((mesh.vertex_count, 1), np.float32)
         with aside("Computing the flow"):
-            run(_energy, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, smooth,
-                energy)  # fmt: skip
-            potential = average_to_vertices(mesh, energy).astype(np.float32)
-        return self.vertices.spread(potential, passes * _PASS)
+            run(_potential, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, mesh.areas,
+                vertices.trust, *mesh.corners, smooth, potential)  # fmt: skip
+        return vertices.spread(potential, passes * _PASS)
 
 
 class _Means:
@@ -267,35 +276,55 @@ class _Means:
 
 
 @kernel
-def _slopes(start, stop, vertices, faces, normals, areas, corner_start, corners, units, values,
-            out):  # fmt: skip
-    # Of the mean gradient of the faces around.
+def _trust(start, stop, vertices, faces, areas, out):
+    # Areas times 4 sqrt(3) times themselves over the sum of the squared sides.
+    for f in range(start, stop):
+        squares = 0.0
+        for k in range(3):
+            e = edge(vertices, faces[f, k], faces[f, after(k)])
+            squares += dot(e, e)
+        out[f] = 4.0 * np.sqrt(3.0) * areas[f] * areas[f] / max(squares, 1e-300)
+
+
+@kernel
+def _slopes(start, stop, vertices, faces, normals, areas, trust, corner_start, corners, units,
+            values, out):  # fmt: skip
+    # Four times the square of the mean gradient of the faces around.
     c = values.shape[1]
     for v in range(start, stop):
-        area = 0.0
+        held = 0.0
         for i in range(corner_start[v], corner_start[v + 1]):
-            area += areas[corners[i] // 3]
-        total = 0.0
+            held += trust[corners[i] // 3]
+        out[v] = 0.0
+        if held == 0:
+            continue
         for j in range(c):
             x = y = z = 0.0
             for i in range(corner_start[v], corner_start[v + 1]):
                 f = corners[i] // 3
                 k = corners[i] - 3 * f
                 a, b = faces[f, after(k)], faces[f, after(after(k))]
-                # Twice the gradient times the area.
+                if areas[f] == 0:
+                    continue
+                # Twice the gradient times the area is normal x w.
                 p, q = values[a, j] - values[v, j], values[b, j] - values[v, j]
-                s = edge(vertices, b, v)
-                t = edge(vertices, v, a)
+                s, t = edge(vertices, b, v), edge(vertices, v, a)
                 w = (p * s[0] + q * t[0], p * s[1] + q * t[1], p * s[2] + q * t[2])
                 g = cross(normals[f], w)
-                x += g[0]
-                y += g[1]
-                z += g[2]
-            total += x * x + y * y + z * z
-        out[v] = total * units[v] / max(area, 1e-300) ** 2 / c if area > 0 else 0.0
+                share = trust[f] / areas[f]
+                x += share * g[0]
+                y += share * g[1]
+                z += share * g[2]
+            out[v] += (x * x + y * y + z * z) * units[v] / (held * held * c)
 
 
 @kernel
-def _energy(start, stop, vertices, faces, areas, values, energy):
-    for f in range(start, stop):
-        energy[f, 0] = squared_gradient(f, vertices, faces, areas, values)
+def _potential(start, stop, vertices, faces, areas, trust, corner_start, corners, values, out):
+    # The mean squared gradient of the faces around.
+    for v in range(start, stop):
+        held = total = 0.0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            held += trust[f]
+            total += trust[f] * squared_gradient(f, vertices, faces, areas, values)
+        out[v, 0] = total / held if held > 0 else 0.0

@@ -61,7 +61,7 @@ class CellMeans:
         start, ring = mesh.neighbours
         self._fine, count = _parts(start, ring, np.ascontiguousarray(keys[:, 0]))
         ask()
-        self._held = np.bincount(self._fine, masses, count)
+        self._held = _summed(self._fine, masses, count)
         lengths = np.empty(len(ring))
         run(_measure, mesh.vertex_count, mesh.scaled_vertices, start, ring, weights, lengths)
         self._middles = _averaged(self._fine, masses, self._held, mesh.scaled_vertices)
@@ -69,18 +69,18 @@ class CellMeans:
         owners = np.repeat(self._fine, np.diff(start))
         contacts = _contacts(owners, self._fine[ring], lengths, count)
         ask()
-        own = np.bincount(self._fine, masses / units, count)  # areas in their own units
+        own = _summed(self._fine, masses / units, count)  # areas in their own units
         self._walk = _cell_graph(contacts, self._middles, own, FINE)
         coarse_keys = np.empty(count, np.int64)
         coarse_keys[self._fine] = keys[:, 1]
         self._parents, coarse_count = _parts(contacts.indptr, contacts.indices, coarse_keys)
         ask()
-        self._coarse_held = np.bincount(self._parents, self._held, coarse_count)
+        self._coarse_held = _summed(self._parents, self._held, coarse_count)
         middles = _averaged(self._parents, self._held, self._coarse_held, self._middles)
         owners = np.repeat(self._parents, np.diff(contacts.indptr))
         coarse = _contacts(owners, self._parents[contacts.indices], contacts.data, coarse_count)
         self._coarse_walk = _cell_graph(
-            coarse, middles, np.bincount(self._parents, own, coarse_count), RATIO * FINE
+            coarse, middles, _summed(self._parents, own, coarse_count), RATIO * FINE
         )
         near = csr_matrix((np.ones(len(contacts.data), np.float32), contacts.indices,
                            contacts.indptr), contacts.shape)  # fmt: skip
@@ -94,7 +94,7 @@ class CellMeans:
         for row, energy in zip(out, energies, strict=True):
             ask()
             row[0] = _divided(
-                np.bincount(self._fine, energy * self._masses, len(self._held)), self._held
+                _summed(self._fine, energy * self._masses, len(self._held)), self._held
             )
         return out
 
@@ -104,19 +104,19 @@ class CellMeans:
 
     def of_region(self, means: Singles) -> Singles:
         """Smooth means over 32 units."""
-        rows = self._region_sums(means[:, 0] * self._held)
-        rows = _divided(rows, self._coarse_held).astype(np.float32)
+        sums = self._region_sums(means[:, 0] * self._held)
+        rows = _divided(sums, self._coarse_held).astype(np.float32)
         rows = self._spread(self._coarse_walk, rows, REGION**2 - WIDE**2)
         return self._spread(self._walk, rows[:, self._parents], WIDE**2)[:, None]
 
     def _region_sums(self, rows: npt.NDArray) -> Floats:
         # Adds up values of small cells in the large ones: (k, n) -> (k, m).
         count = len(self._coarse_held)
-        return np.stack([np.bincount(self._parents, row, count) for row in rows])
+        return np.stack([_summed(self._parents, row, count) for row in rows])
 
     def of_large_cells(self, values: npt.NDArray) -> tuple[Floats, Floats]:
         """Average values of vertices, (n,), over the large cells; returns means and areas."""
-        fine = np.bincount(self._fine, values * self._masses, len(self._held))
+        fine = _summed(self._fine, values * self._masses, len(self._held))
         (sums,) = self._region_sums(fine[None])
         held = self._coarse_held
         return sums[held > 0] / held[held > 0], held[held > 0]
@@ -139,13 +139,17 @@ def _parts(start: Ints, others: Ints, keys: npt.NDArray[np.int64]) -> tuple[Ints
     return part, int(number[0])
 
 
+def _summed(groups: Ints, rows: npt.NDArray, count: int) -> Floats:
+    return np.bincount(groups, rows, count).astype(np.float64)
+
+
 def _averaged(groups: Ints, masses: Floats, held: Floats, places: Floats) -> Floats:
     # Places of what has no mass count alike.
-    alike = np.bincount(groups, minlength=len(held))
+    alike = _summed(groups, np.ones(len(groups)), len(held))
     out = np.empty((len(held), places.shape[1]))
     for x in range(places.shape[1]):
-        plain = np.bincount(groups, places[:, x], len(held)) / np.maximum(alike, 1)
-        sums = np.bincount(groups, masses * places[:, x], len(held))
+        plain = _summed(groups, places[:, x], len(held)) / np.maximum(alike, 1)
+        sums = _summed(groups, masses * places[:, x], len(held))
         out[:, x] = np.where(held > 0, sums / np.where(held > 0, held, 1), plain)
     return out
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What, Width and Amount of colors on meshes."""
+"""What, Width and Amount of colors on meshes; the default is tested in `test_learned_vertices`."""
 
 import math
 import re
@@ -14,7 +14,13 @@ from shock_filter.core.flow import advect, borders, potential, trace
 from shock_filter.core.mesh import calculus
 
 WIDTH_OF_SIGMA = 2.5631
-WAYS = [{}, {"what": "photo"}, {"channels": "independent"}, {"channels": "luminance"}]
+DRAWING = {"what": "drawing"}
+WAYS = [
+    DRAWING,
+    {"what": "photo"},
+    DRAWING | {"channels": "independent"},
+    DRAWING | {"channels": "luminance"},
+]
 
 
 class Meridian:
@@ -65,7 +71,7 @@ def striped():
 
 
 def sharpened(mesh, values, **settings):
-    return core.sharpen_vertex_signal(mesh, values, core.ShockSettings(**settings))
+    return core.sharpen_vertex_signal(mesh, values, core.ShockSettings(**(DRAWING | settings)))
 
 
 @pytest.mark.parametrize("contrast", [1.0, 0.2, 0.05])
@@ -204,7 +210,7 @@ def test_amount_and_mask_mix_with_the_input(striped):
     full_corners = core.sharpen_corner_signal(mesh, corners)
     mask = np.linspace(0, 1, mesh.vertex_count)
     for amount in (0.25, 0.6):
-        settings = core.ShockSettings(amount=amount)
+        settings = core.ShockSettings(amount=amount, **DRAWING)
         out = core.sharpen_vertex_signal(mesh, soft, settings)
         assert np.allclose(out, soft + amount * (full - soft), atol=1e-14)
         out = core.sharpen_vertex_signal(mesh, soft, settings, mask=mask)
