@@ -229,10 +229,11 @@ def _conduct(start, stop, begin, others, lengths, middles, weights):
 
 
 @kernel
-def _read(start, stop, places, units, owners, begin, others, middles, means, out):
+def _read(first, last, places, units, owners, begin, others, middles, means, out):
+    # Of as many vertices as its caller takes between two questions.
     count = means.shape[1]
     sums = np.empty(count, np.float32)
-    for v in range(start, stop):
+    for v in range(first, last):
         own = owners[v]
         # Means reach zero weight where their cells' middles are too far away.
         scale = 1.0 / (_READ * FINE) ** 2 / units[v]
@@ -255,4 +256,4 @@ def _read(start, stop, places, units, owners, begin, others, middles, means, out
                     sums[k] += w * means[cell, k]
         inverse = np.float32(1.0 / total)
         for k in range(count):
-            out[k, v - start] = inverse * sums[k]
+            out[k, v - first] = inverse * sums[k]
