@@ -74,6 +74,10 @@ def sharpened(mesh, values, **settings):
     return core.sharpen_vertex_signal(mesh, values, core.ShockSettings(**(DRAWING | settings)))
 
 
+def sharpened_corners(mesh, values):
+    return core.sharpen_corner_signal(mesh, values, core.ShockSettings(**DRAWING))
+
+
 @pytest.mark.parametrize("contrast", [1.0, 0.2, 0.05])
 def test_borders_up_to_the_width_close_and_wide_ones_stay_whatever_the_contrast(meridian, contrast):
     mesh = meridian.mesh
@@ -147,7 +151,7 @@ def test_what_is_sharp_or_even_already_stays_bit_for_bit(striped):
             assert out.dtype == values.dtype
             assert out is not values
         corners = values[mesh.faces]
-        assert np.array_equal(core.sharpen_corner_signal(mesh, corners), corners)
+        assert np.array_equal(sharpened_corners(mesh, corners), corners)
     even = np.full_like(hard, 0.1)
     assert np.array_equal(sharpened(mesh, even, width=5.0), even)
 
@@ -166,8 +170,8 @@ def test_a_second_run_finds_it_sharp(striped):
     mesh, _, soft = striped
     once = sharpened(mesh, soft)
     assert np.array_equal(sharpened(mesh, once), once)
-    corners = core.sharpen_corner_signal(mesh, soft[mesh.faces])
-    assert np.array_equal(core.sharpen_corner_signal(mesh, corners), corners)
+    corners = sharpened_corners(mesh, soft[mesh.faces])
+    assert np.array_equal(sharpened_corners(mesh, corners), corners)
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.03])
@@ -207,7 +211,7 @@ def test_amount_and_mask_mix_with_the_input(striped):
     mesh, _, soft = striped
     full = sharpened(mesh, soft)
     corners = soft[mesh.faces]
-    full_corners = core.sharpen_corner_signal(mesh, corners)
+    full_corners = sharpened_corners(mesh, corners)
     mask = np.linspace(0, 1, mesh.vertex_count)
     for amount in (0.25, 0.6):
         settings = core.ShockSettings(amount=amount, **DRAWING)
@@ -287,7 +291,7 @@ def test_reports_say_how_wide_borders_were_and_are(striped, meridian):
     widths = re.fullmatch(r"Borders (.*) edge lengths wide, closed to (.*)\.", *text).groups()
     assert float(widths[0]) == pytest.approx(5.0, rel=0.12)
     assert float(widths[1]) < 2.0
-    text = said(lambda: core.sharpen_corner_signal(mesh, soft[mesh.faces]))
+    text = said(lambda: sharpened_corners(mesh, soft[mesh.faces]))
     widths = re.fullmatch(r"Borders (.*) edge lengths wide, closed to (.*)\.", *text).groups()
     assert float(widths[0]) == pytest.approx(3.0, rel=0.2)
     assert float(widths[1]) < 2.0
