@@ -314,6 +314,9 @@ _BY_PIXELS = (
     "Decide pixel by pixel, as was learned from made pictures; with Enlarge, a guide or normals,"
     " measure which of these the picture is"
 )
+_BY_VERTICES = (
+    "Decide vertex by vertex, as was learned from made pictures; Width is measured at each place"
+)
 
 
 def _what(default: str, *choices: str, auto: str = _AUTO) -> Any:
@@ -344,7 +347,7 @@ class ShockSettings(_Settings):
     of the paper, which is the same everywhere. Its default, `BY_WIDTH`, is negative.
     """
 
-    what: str = _what("drawing", "drawing", "photo")
+    what: str = _what("auto", auto=_BY_VERTICES)
     width: float = _setting(
         0.0,
         "The widest borders that are closed, as wide as their contrast rises from 10 to 90"

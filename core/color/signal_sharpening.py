@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sharpening of colors and other signals on meshes (paper A, sections 3 and 4).
 
-If the settings have a width instead of a time, `by_width` computes the flow times, which goes
-beyond the paper.
+By default the learned recipe is followed: see `vertices_learned`. If What is given and no time,
+`by_width` computes the flow times. Both go beyond the paper.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ from .signals import (
     like,
     to_own_corners,
 )
+from .vertex_planes import Vertices
+from .vertices_learned import is_learned, sharpen_vertices_learned, tell_sharpened
 
 
 @by_keyword
@@ -48,7 +50,7 @@ def sharpen_vertex_signal(
     signal : (n,) or (n, d) array of float32 or float64
         Any number of channels; times and contrasts assume values in [0, 1].
     settings : ShockSettings, optional
-        By default, the width of the borders is measured and closed.
+        By default, what is sharpened is decided vertex by vertex.
     mask : (n,) array of float in [0, 1], optional
         1 sharpens fully, less mixes with the input, 0 keeps it bit for bit.
     progress : callable, optional
@@ -104,7 +106,7 @@ def sharpen_vertex_signal(
             return given.copy()
         result = _sharpened(mesh, values, settings, at_corners=False)
         if _is_measured(settings):
-            _tell_widths(mesh, values, result)
+            _tell(mesh, values, result, settings)
         if result is None:
             return given.copy()
         weights = _times_amount(weights, settings.amount, len(values))
@@ -124,8 +126,9 @@ def sharpen_corner_signal(
     """Sharpen a signal given at the corners of the faces of a mesh, such as corner colors.
 
     Where the corners at a vertex differ, the signal is discontinuous, and nothing flows across;
-    equal corners count as one vertex. In the result each corner has the value at the end of its
-    own flow-line, so that edges can run between faces.
+    equal corners count as one vertex. With What or a time, each corner of the result has the value
+    at the end of its own flow-line, so that edges can run between faces; by default, corners that
+    were equal stay so.
 
     Parameters
     ----------
@@ -180,7 +183,7 @@ def sharpen_corner_signal(
         result = _sharpened(cut, cut_values, settings, at_corners=True)
         if _is_measured(settings):
             merged = result if result is None else average_corners(cut, result, cut_values)
-            _tell_widths(cut, cut_values, merged)
+            _tell(cut, cut_values, merged, settings)
         if result is None:
             return given.copy()
         weights = _times_amount(weights, settings.amount, mesh.vertex_count)
@@ -192,15 +195,14 @@ def sharpen_corner_signal(
 
 
 def width_to_close(mesh: TriangleMesh, signal: npt.NDArray, what: str) -> float:
-    """Return the width to close by default, in mean edge lengths; 0 if borders are sharp.
+    """Return the width that What closes by itself, in mean edge lengths; 0 if borders are sharp.
 
     Parameters
     ----------
     mesh : TriangleMesh
     signal : (n, d) or (m, 3, d) array of float
         At vertices or corners.
-    what : str
-        As in `ShockSettings`.
+    what : {"drawing", "photo"}
     """
     if signal.ndim == 2:
         borders = borders_of(mesh, checked_signal(signal, mesh.vertex_count))
@@ -217,7 +219,14 @@ def _sharpened(
     brightness, nearest = settings.channels == "luminance", settings.sampling == "nearest"
     domain = MeshDomain(mesh, brightness, nearest, at_corners)
     passes = settings.smoothing_passes
-    if not settings.by_width:
+    if is_learned(settings):
+        with phase(0.0, 0.1, "Sharpening"):
+            vertices = Vertices(mesh)
+
+        def sharpen(values: Floats, result: Floats) -> None:
+            result[...] = domain.as_result(sharpen_vertices_learned(vertices, values, settings))
+
+    elif not settings.by_width:
 
         def sharpen(values: Floats, result: Floats) -> None:
             flow_for_time(domain, values, domain, values, passes, settings.time, result)
@@ -247,7 +256,12 @@ def _is_measured(settings: ShockSettings) -> bool:
     return settings.by_width and settings.width == 0 and is_gathered()
 
 
-def _tell_widths(mesh: TriangleMesh, values: Floats, result: Floats | None) -> None:
+def _tell(
+    mesh: TriangleMesh, values: Floats, result: Floats | None, settings: ShockSettings
+) -> None:
+    if is_learned(settings):
+        tell_sharpened(mesh, values, result)
+        return
     with aside("Measuring borders"):
         found = borders_of(mesh, values)
         closed = None if result is None else measured(mesh, result).width

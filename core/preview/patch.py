@@ -66,7 +66,7 @@ class Patch:
         fields = describe(type(settings))
         given = {name: getattr(settings, name) for name in fields}
         new: dict[str, Any] = {}
-        if settings.by_width and settings.width == 0:
+        if settings.by_width and settings.width == 0 and settings.what != "auto":
             given["width"] = self.width(settings.what)
             if not given["width"] > 0:
                 new["amount"] = 0.0

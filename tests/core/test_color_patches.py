@@ -42,7 +42,7 @@ def test_a_patch_with_shorter_edges_shows_what_the_whole_gets(corners, settings)
     whole = sheets(4.0, 6.0, corners=corners)
     patch = patch_around(whole, 820, 41 * 41)
     assert patch.lengths == pytest.approx(2.0, rel=0.05)
-    settings = core.ShockSettings(**settings)
+    settings = core.ShockSettings(**({"what": "drawing"} | settings))
     wanted = filter_colors(whole, NAME, settings, True).colors
     part = filter_colors(patch.surface, NAME, patch.settings(settings), True)
     seen = patch.whole(part).colors
@@ -59,7 +59,9 @@ def test_a_patch_takes_the_width_of_the_whole():
     assert width == pytest.approx(3.0, rel=0.2)
     patch = patch_around(whole, 820, 41 * 41)
     assert width_of_borders(patch.surface, "drawing") == 0.0
-    assert patch.settings(core.ShockSettings()).width == pytest.approx(width, rel=0.05)
+    assert patch.settings(core.ShockSettings(what="drawing")).width == pytest.approx(
+        width, rel=0.05
+    )
     assert patch.settings(core.ShockSettings(width=2.0)).width == pytest.approx(2.0, rel=0.05)
     assert patch.settings(core.ShockSettings(time=0.0)).width == 0.0
     fine = patch_around(sheets(4.0, 6.0), 820, 41 * 41)  # its edges are half as long
@@ -70,6 +72,6 @@ def test_a_patch_takes_the_width_of_the_whole():
 def test_where_the_whole_is_sharp_nothing_changes_on_a_patch():
     whole = sheets(0.1, 0.1)
     patch = patch_around(whole, 820, 41 * 41)
-    settings = patch.settings(core.ShockSettings())
+    settings = patch.settings(core.ShockSettings(what="drawing"))
     assert settings.is_neutral
     assert filter_colors(patch.surface, NAME, settings, True).changed == 0

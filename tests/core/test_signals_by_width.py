@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What, Width and Amount of colors on meshes."""
+"""What, Width and Amount of colors on meshes; the default is tested in `test_learned_vertices`."""
 
 import math
 import re
@@ -14,7 +14,13 @@ from shock_filter.core.flow import advect, borders, potential, trace
 from shock_filter.core.mesh import calculus
 
 WIDTH_OF_SIGMA = 2.5631
-WAYS = [{}, {"what": "photo"}, {"channels": "independent"}, {"channels": "luminance"}]
+DRAWING = {"what": "drawing"}
+WAYS = [
+    DRAWING,
+    {"what": "photo"},
+    DRAWING | {"channels": "independent"},
+    DRAWING | {"channels": "luminance"},
+]
 
 
 class Meridian:
@@ -65,7 +71,11 @@ def striped():
 
 
 def sharpened(mesh, values, **settings):
-    return core.sharpen_vertex_signal(mesh, values, core.ShockSettings(**settings))
+    return core.sharpen_vertex_signal(mesh, values, core.ShockSettings(**(DRAWING | settings)))
+
+
+def sharpened_corners(mesh, values):
+    return core.sharpen_corner_signal(mesh, values, core.ShockSettings(**DRAWING))
 
 
 @pytest.mark.parametrize("contrast", [1.0, 0.2, 0.05])
@@ -141,7 +151,7 @@ def test_what_is_sharp_or_even_already_stays_bit_for_bit(striped):
             assert out.dtype == values.dtype
             assert out is not values
         corners = values[mesh.faces]
-        assert np.array_equal(core.sharpen_corner_signal(mesh, corners), corners)
+        assert np.array_equal(sharpened_corners(mesh, corners), corners)
     even = np.full_like(hard, 0.1)
     assert np.array_equal(sharpened(mesh, even, width=5.0), even)
 
@@ -160,8 +170,8 @@ def test_a_second_run_finds_it_sharp(striped):
     mesh, _, soft = striped
     once = sharpened(mesh, soft)
     assert np.array_equal(sharpened(mesh, once), once)
-    corners = core.sharpen_corner_signal(mesh, soft[mesh.faces])
-    assert np.array_equal(core.sharpen_corner_signal(mesh, corners), corners)
+    corners = sharpened_corners(mesh, soft[mesh.faces])
+    assert np.array_equal(sharpened_corners(mesh, corners), corners)
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.03])
@@ -201,10 +211,10 @@ def test_amount_and_mask_mix_with_the_input(striped):
     mesh, _, soft = striped
     full = sharpened(mesh, soft)
     corners = soft[mesh.faces]
-    full_corners = core.sharpen_corner_signal(mesh, corners)
+    full_corners = sharpened_corners(mesh, corners)
     mask = np.linspace(0, 1, mesh.vertex_count)
     for amount in (0.25, 0.6):
-        settings = core.ShockSettings(amount=amount)
+        settings = core.ShockSettings(amount=amount, **DRAWING)
         out = core.sharpen_vertex_signal(mesh, soft, settings)
         assert np.allclose(out, soft + amount * (full - soft), atol=1e-14)
         out = core.sharpen_vertex_signal(mesh, soft, settings, mask=mask)
@@ -281,7 +291,7 @@ def test_reports_say_how_wide_borders_were_and_are(striped, meridian):
     widths = re.fullmatch(r"Borders (.*) edge lengths wide, closed to (.*)\.", *text).groups()
     assert float(widths[0]) == pytest.approx(5.0, rel=0.12)
     assert float(widths[1]) < 2.0
-    text = said(lambda: core.sharpen_corner_signal(mesh, soft[mesh.faces]))
+    text = said(lambda: sharpened_corners(mesh, soft[mesh.faces]))
     widths = re.fullmatch(r"Borders (.*) edge lengths wide, closed to (.*)\.", *text).groups()
     assert float(widths[0]) == pytest.approx(3.0, rel=0.2)
     assert float(widths[1]) < 2.0

@@ -15,7 +15,6 @@ from ...base.parallel import kernel, run
 from ...base.progress import aside
 from .planes import Planes, gaussian_of
 from .rows import (
-    add_slopes,
     add_square,
     add_squared_difference,
     multiply,
@@ -142,7 +141,8 @@ class FirstStrip:
 def _energies_of(planes: Planes, smooth: Singles, top: int, bottom: int) -> Singles:
     # Correct in all rows but the first and the last, unless the image ends there.
     out = np.empty((POOLED + 2, *smooth.shape[2:]), np.float32)
-    given = top, planes.values, planes.opacity, smooth, out
+    slopes = planes.slopes(smooth[SLOPES[0]]), planes.slopes(smooth[SLOPES[1]])
+    given = top, planes.values, planes.opacity, smooth, *slopes, out
     if planes.whole:
         with aside("Sharpening"):
             run(_energies, bottom - top, *given, chunk=STRIP)
@@ -152,21 +152,20 @@ def _energies_of(planes: Planes, smooth: Singles, top: int, bottom: int) -> Sing
 
 
 @kernel
-def _energies(start, stop, top, values, opacity, smooth, out):
+def _energies(start, stop, top, values, opacity, smooth, fine_slopes, slopes, out):
     # Squared bands, squared gradients of two smoothings, and roots of two energies of bands.
     c = values.shape[0]
     share = np.float32(1 / c)
     for n in range(start, stop):
-        for k in range(BANDS + 2):
+        for k in range(BANDS):
             out[k, n] = 0
+        out[BANDS, n], out[BANDS + 1, n] = fine_slopes[n], slopes[n]
         for i in range(c):
             before = values[i, top + n]
             for k in range(BANDS):
                 now = smooth[k, i, n]
                 add_squared_difference(share, before, now, out[k, n])
                 before = now
-            add_slopes(share, smooth[SLOPES[0], i], n, out[BANDS, n])
-            add_slopes(share, smooth[SLOPES[1], i], n, out[BANDS + 1, n])
         a, b, d = out[0, n], out[1, n], out[3, n]
         fine, coarse = out[BANDS + 2, n], out[BANDS + 3, n]
         for x in range(len(a)):

@@ -16,11 +16,13 @@ import numpy.typing as npt
 
 from ...base.checks import BAND, SCALES
 from ...base.parallel import blocks, kernel, run
+from ...base.progress import aside
 from ...grid.advect import advect_pixels
 from ...grid.channels import Channels
 from ...grid.part import Part
 from ...grid.potential import image_potential, smoothed_potential
 from ...grid.windows import gaussian, least_and_greatest, smooth_rows
+from .rows import add_slopes
 from .surroundings import STRIP, Singles, Squares, Surroundings
 
 NONE = np.empty((0, 0), np.float32)
@@ -141,6 +143,26 @@ class Planes:
             smooth_rows(plane[first:last] * opacity, first, height, weights, top, target)
             np.divide(target, spread, out=target, where=spread > 0)
 
+    def slopes(self, smooth: Singles) -> Singles:
+        """Measure four times the squared gradient of values, averaged over channels.
+
+        Parameters
+        ----------
+        smooth : (c, rows, w) float32
+            The first and the last row have no neighbours beyond.
+
+        Returns
+        -------
+        (rows, w) float32
+        """
+        out = np.zeros(smooth.shape[1:], np.float32)
+        if self.whole:
+            with aside("Sharpening"):
+                run(_slopes, len(out), smooth, out, chunk=STRIP)
+        else:
+            _slopes(0, len(out), smooth, out)
+        return out
+
     def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
         """Find the least and greatest visible values in windows of growing reach.
 
@@ -208,6 +230,14 @@ class Planes:
 def planes_of(pixels: Singles) -> Singles:
     """Return the channels of pixels (h, w, c) as planes of their own."""
     return np.ascontiguousarray(np.moveaxis(pixels, 2, 0))
+
+
+@kernel
+def _slopes(start, stop, smooth, out):
+    share = np.float32(1 / len(smooth))
+    for y in range(start, stop):
+        for i in range(len(smooth)):
+            add_slopes(share, smooth[i], y, out[y])
 
 
 @kernel

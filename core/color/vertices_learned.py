@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sharpening of signals at the vertices of a mesh by the recipe that images have learned."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.progress import aside, phase
+from ..flow.borders import measured
+from ..grid.borders import Borders
+from ..grid.channels import brightness_weights
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..mixture.network import Network
+from ..settings import WIDTH_OF_SIGMA, ShockSettings
+from .learned.first import SIGMAS
+from .learned.images import detail_of, typical_detail
+from .learned.recipe import FAINT, Wishes, sharpened
+from .learned.report import tell_learned
+from .learned.surroundings import WIDEST
+from .vertex_planes import VertexPlanes, Vertices
+
+_ROUNDING = 16 * float(np.finfo(np.float32).eps)
+"""Relative changes, of the signal's range, that count as none."""
+
+
+def is_learned(settings: ShockSettings) -> bool:
+    """Whether signals are sharpened by the learned recipe: not if a time or What is given."""
+    return settings.by_width and settings.what == "auto"
+
+
+def sharpen_vertices_learned(
+    vertices: Vertices,
+    values: Floats,
+    settings: ShockSettings,
+    nets: list[Network] | None = None,
+) -> Floats:
+    """Sharpen channels that follow one flow: (n, c) -> (n, c).
+
+    Values that do not change keep their bits. A result lies within the input's range within 7 steps
+    around, but for the rounding of single precision.
+
+    Parameters
+    ----------
+    vertices : Vertices
+    values : (n, c) float64
+    settings : ShockSettings
+    nets : list of Network, optional
+        One for each stage; those of images by default.
+    """
+    low, high = values.min(axis=0), values.max(axis=0)
+    middle, span = _middle_and_span(values)
+    if not span > 0:
+        return values
+    planes = VertexPlanes.of_vertices(vertices, (values - middle) / span)
+    with phase(0.0, 0.2, "Sharpening"):
+        detail = detail_at(planes)
+    brightness = np.zeros(0 if settings.channels != "luminance" else values.shape[1], np.float32)
+    if len(brightness):
+        weights = brightness_weights(values.shape[1])
+        brightness[: len(weights)] = weights
+    width = settings.width / WIDTH_OF_SIGMA / vertices.typical_unit
+    nearest = settings.sampling == "nearest"
+    wishes = Wishes(FAINT * detail, min(width, WIDEST) ** 2, settings.smoothing_passes, nearest)
+    with phase(0.2, 1.0, "Sharpening"):
+        sharp = sharpened(planes, brightness, wishes, nets=nets)
+    change = vertices.values_of(sharp - planes.values).astype(np.float64)
+    result = np.clip(values + span * change, low, high)
+    return np.where(np.abs(change) > _ROUNDING, result, values)
+
+
+def detail_at(planes: VertexPlanes) -> float:
+    """Measure how much a smoothing takes away, as a mean square, in cells all over the mesh."""
+    vertices = planes.vertices
+    smooth = planes.smoothed(SIGMAS, 0, vertices.rows)[-1]
+    away = vertices.values_of(detail_of(planes, smooth)).mean(axis=1, dtype=np.float64)
+    details, areas = vertices.means.of_large_cells(away)
+    return typical_detail(details, areas) if len(details) else 0.0
+
+
+def tell_sharpened(mesh: TriangleMesh, values: Floats, result: Floats | None) -> None:
+    """Report what sharpening did."""
+    with aside("Measuring borders"):
+        vertices = Vertices(mesh)
+        before, after = _measured(vertices, values, values), None
+        if result is not None and not np.array_equal(result, values):
+            after = _measured(vertices, result, values)
+    tell_learned("edge lengths", before, after)
+
+
+def _measured(vertices: Vertices, values: Floats, given: Floats) -> Borders:
+    found = measured(vertices.mesh, values)
+    middle, span = _middle_and_span(given)
+    detail = 0.0
+    if span > 0:
+        detail = detail_at(VertexPlanes.of_vertices(vertices, (values - middle) / span))
+    return Borders(width=found.width, number=found.seen, noise=found.noise, detail=detail)
+
+
+def _middle_and_span(values: Floats) -> tuple[Floats, float]:
+    low, high = values.min(axis=0), values.max(axis=0)
+    return 0.5 * low + 0.5 * high, float((high - low).max())
