@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures to learn enlarging from, made from seeds: the truth, and reduced copies of it."""
+"""How pictures to learn enlarging from are reduced; they are those of `image_examples`."""
 
 from __future__ import annotations
 
 import io
 
 import numpy as np
-from image_examples import truth
 from PIL import Image
 from scipy import ndimage
 
@@ -50,11 +49,3 @@ def _haloed(random, small):
     away = values - ndimage.gaussian_filter(values, (s, s, 0), mode="mirror")
     return Image.fromarray(_bytes(values + random.uniform(0.3, 1.0) * away))
 
-
-def example(seed, times, count=2):
-    """Make a truth, bytes (times * n, times * n, 3), and reduced copies (n, n, 3) of it."""
-    image = truth(np.random.default_rng(seed))
-    random = np.random.default_rng([seed, times])
-    size = len(image) // times * times
-    image = image[:size, :size]
-    return image, [reduced(random, image, times) for _ in range(count)]

@@ -19,7 +19,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from enlarging_examples import example
+from enlarging_examples import reduced
+from image_examples import truth
 from scripts import meaning_of
 from shock_filter.core.color.learned.enlarging import (
     DEFINITION,
@@ -27,13 +28,14 @@ from shock_filter.core.color.learned.enlarging import (
     OFFSETS,
     VIEWS,
     WEIGHTS,
-    cubic_of_told,
+    cubic,
     name_of,
-    pixel_weights,
-    tell,
+    told_farther,
+    told_of,
     turned_offsets,
     turned_places,
 )
+from shock_filter.core.color.learned.planes import NONE, Planes
 from shock_filter.core.mixture.network import Network, save
 from train_images import FLOOR, gathered, joined
 
@@ -51,40 +53,56 @@ MADE_OF = (
 VERSION = 1
 """Counts the trainings that were shipped."""
 
-SEEDS = range(60000, 61400)
+SEEDS = range(60000, 61300)
 
-PIXELS = 400
+COPIES = 2
+"""Of each picture and factor, reduced in different ways."""
+
+PIXELS = 360
 """Of each reduced picture."""
 
 ANYWHERE = 0.35
 """Share of them that lie anywhere; others lie where the cubic lacks most."""
 
-HIDDEN = 32, 24
+HIDDEN = 40, 24
 """Sizes of the inner layers."""
 
 EPOCHS = 12
+
+WORSE = 2.0
+"""How much pictures count that are worse than the cubic's."""
 
 KEPT_ASIDE = 16
 """One picture in so many tells the gain and is not learned from."""
 
 
-def table(seed: int, times: int) -> list[dict[str, np.ndarray]]:
-    """What is learned from a picture: of some pixels what is told, what is missing, weights."""
-    truth, copies = example(seed, times)
-    random = np.random.default_rng([seed, times, 1])
-    return [_rows(truth, small, times, random, seed % KEPT_ASIDE == 0) for small in copies]
+def table(seed: int) -> dict[int, list[dict[str, np.ndarray]]]:
+    """What is learned from a picture and its copies, by factor."""
+    image = truth(np.random.default_rng(seed))
+    aside = seed % KEPT_ASIDE == 0
+    return {times: _rows(image, times, np.random.default_rng([seed, times]), aside)
+            for times in FACTORS}  # fmt: skip
 
 
-def _rows(truth, small, times, random, aside) -> dict[str, np.ndarray]:
-    channel = random.integers(3)
-    plane = small[..., channel].astype(np.float32)
-    wanted = truth[..., channel].astype(np.float32)
-    height, width = plane.shape
-    told = np.empty((len(OFFSETS), height * width), np.float32)
-    mean, contrast = np.empty((2, height * width), np.float32)
-    tell(0, height, plane, OFFSETS, pixel_weights(), told, mean, contrast)
+def _rows(image, times, random, aside) -> list[dict[str, np.ndarray]]:
+    size = len(image) // times * times
+    image = image[:size, :size]
+    found = []
+    for _ in range(COPIES):
+        small, channel = reduced(random, image, times), random.integers(3)
+        found.append(_pixels(image[..., channel], small[..., channel], times, random, aside))
+    return found
+
+
+def _pixels(wanted, small, times, random, aside) -> dict[str, np.ndarray]:
+    # Of some pixels of a channel: what is told, what the cubic lacks, weights.
+    planes = Planes(small[None].astype(np.float32), NONE)
+    height, width = small.shape
+    around = told_farther(planes, 0, height)[0]
+    told, mean, contrast = told_of(planes, 0, 0, height, around)
+    base = mean + contrast * cubic(times).of_columns(told[: len(OFFSETS)])
+    wanted = wanted.astype(np.float32)
     places = wanted.reshape(height, times, width, times).transpose(1, 3, 0, 2)
-    base = plane.ravel() + mean + contrast * (cubic_of_told(times).T @ told)
     missing = places.reshape(times * times, -1) - base
     energy = (missing**2).sum(0, dtype=np.float64)
     count = len(energy)
@@ -93,8 +111,10 @@ def _rows(truth, small, times, random, aside) -> dict[str, np.ndarray]:
         share = ANYWHERE * share + (1 - ANYWHERE) * energy / energy.sum()
     rows = random.choice(count, PIXELS, p=share / share.sum())
     sign = random.choice(np.float32([-1, 1]), PIXELS)  # dark on bright is as bright on dark
+    told = told[:, rows]
+    told[: len(OFFSETS)] *= sign
     return {
-        "told": (told[:, rows] * sign).T, "missing": (missing[:, rows] * sign).T,
+        "told": told.T, "missing": (missing[:, rows] * sign).T,
         "contrast": contrast[rows], "weights": (1 / (share[rows] * count)).astype(np.float32),
         "error": np.array([(missing**2).mean()]), "aside": np.array([aside]),
     }  # fmt: skip
@@ -152,7 +172,8 @@ class PictureLoss:
         self._count += 1
         if self._count % self._batches == 0:
             errors = self._sums[0] / np.maximum(self._sums[1], 1e-9)
-            self._factor = (1 / (errors + FLOOR)).astype(np.float32)
+            counted = np.where(errors > self._rows["error"], WORSE, 1.0)
+            self._factor = (counted / (errors + FLOOR)).astype(np.float32)
             self._sums[:] = 0
         slopes = (2 / gap.shape[1]) * contrast * gap * factor[:, None] / (VIEWS * len(rows))
         back = np.empty((VIEWS, *gap.shape), np.float32)
@@ -177,15 +198,12 @@ def gains(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def train(
-    seeds, times: int, processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print
+    tables: list[dict[str, np.ndarray]], times: int, epochs: int = EPOCHS, hidden=HIDDEN, log=print
 ) -> Network:
     """Learn to enlarge by a factor, and say how much pictures gain that are kept aside."""
-    tables = gathered(partial(table, times=times), list(seeds), processes)
-    each = [part for found in tables for part in found]
     learned, aside = (
-        joined([part for part in each if part["aside"][0] == kept]) for kept in (False, True)
+        joined([part for part in tables if part["aside"][0] == kept]) for kept in (False, True)
     )
-    del tables, each
     log(f"x{times}: {learned['told'].shape} rows")
     sizes = (*hidden, times * times)
     network = adam._trained(Turned(learned["told"]), PictureLoss(learned), sizes, epochs, times, log)
@@ -209,7 +227,12 @@ def main() -> None:
     begin = time.time()
     log = lambda text: print(f"{time.time() - begin:6.0f} s  {text}", flush=True)  # noqa: E731
     seeds = SEEDS[: max(int(options.share * len(SEEDS)), KEPT_ASIDE)]
-    found = {name_of(n): train(seeds, n, options.processes, log=log) for n in FACTORS}
+    tables = gathered(table, list(seeds), options.processes)
+    log(f"{len(tables)} pictures")
+    found = {}
+    for times in FACTORS:
+        parts = [part for each in tables for part in each.pop(times)]
+        found[name_of(times)] = train(parts, times, log=log)
     save(options.out, found)
     log(f"written: {options.out}")
 

@@ -2,10 +2,11 @@
 """Enlarging of images as was learned: a network adds to the cubic what reducing has taken away.
 
 Not in the papers. For each pixel and channel a network is told the pixels around, less their mean
-and over their contrast, and gives what the new pixels within lack, in units of that contrast. It is
-asked in all eight ways to turn and mirror these pixels, and the mean counts: images that are
-turned, mirrored, shifted or scaled have results that are so, too. What is even stays so bit for
-bit, and no value leaves the range of those within `NEARBY` pixels.
+and over their contrast, and how fine, sparse and strong the detail farther around is. It gives what
+the cubic lacks at the new pixels within, in units of that contrast. It is asked in all eight ways
+to turn and mirror these pixels, and the mean counts: images that are turned, mirrored, shifted or
+scaled have results that are so, too. What is even stays so bit for bit, and no value leaves the
+range of those within `NEARBY` pixels.
 """
 
 from __future__ import annotations
@@ -19,9 +20,12 @@ import numpy.typing as npt
 
 from ...base.parallel import kernel, run
 from ...grid.enlarge import cubic_weights
+from ...grid.windows import gaussian
 from ...mixture.network import Network, digest, load
+from .planes import Planes
+from .rows import half_log
+from .surroundings import Singles
 
-Singles = npt.NDArray[np.float32]
 Places = npt.NDArray[np.int64]
 
 WEIGHTS = Path(__file__).with_name("enlarging.npz")
@@ -48,11 +52,24 @@ OFFSETS: Places = np.array(
 SPREAD = 1.5
 """Sigma of the weights of these pixels in their mean and contrast."""
 
+SIGMAS = 0.7, 1.4, 2.8
+"""Of smoothings, whose differences are the bands of detail."""
+
+AROUND = 6.0
+"""Sigma of the smoothing of their energies."""
+
+TOLD = len(OFFSETS) + len(SIGMAS) + 3
+"""Numbers that a network is told of a pixel: besides those around, the energies of bands, how
+sparse two of them are, and the contrast."""
+
 VIEWS = 8
 """Ways to turn and mirror an image."""
 
-DEFINITION = digest("enlarging 1", repr((REACH, NEARBY, SPREAD, VIEWS)))
+DEFINITION = digest("enlarging 1", repr((REACH, NEARBY, SPREAD, SIGMAS, AROUND, VIEWS)))
 """Changes with what the numbers mean; count the first word up when the code changes them."""
+
+STRIP = 64
+"""Rows that a thread takes at once."""
 
 _PIXELS = 2048
 """That a network looks at at once."""
@@ -84,10 +101,11 @@ def views_of(network: Network) -> tuple[Network, ...]:
 
 
 def turned_offsets() -> list[Places]:
-    """Where the pixels around lie after turning and mirroring, for each way: places in `OFFSETS`."""
+    """Which numbers are told of a pixel after turning and mirroring, for each way: (TOLD,)."""
     grid = np.full((2 * REACH + 1,) * 2, -1)
     grid[tuple((OFFSETS + REACH).T)] = np.arange(len(OFFSETS))
-    return [view[view >= 0] for view in _turned(grid)]
+    others = np.arange(len(OFFSETS), TOLD)
+    return [np.concatenate([view[view >= 0], others]) for view in _turned(grid)]
 
 
 def turned_places(times: int) -> list[Places]:
@@ -99,116 +117,214 @@ def _turned(grid: Places) -> list[Places]:
     return [np.rot90(each, turns) for each in (grid, grid.T) for turns in range(VIEWS // 2)]
 
 
-def cubic_of_told(times: int) -> Singles:
-    """Weights of the pixels around in the cubic at each new pixel within: (len(OFFSETS), times²)."""
+def reach_of_enlarging() -> int:
+    """Radius in pixels within which an image affects what it becomes."""
+    return len(gaussian(AROUND)) + len(gaussian(SIGMAS[-1]))
+
+
+@cache
+def cubic(times: int) -> Network:
+    """Return the cubic as a network, which is told what is told of the pixels around."""
     line = np.zeros((times, 2 * REACH + 1))
     line[:, REACH - 2 : REACH + 3] = cubic_weights(times)
     both = line[:, None, :, None] * line[None, :, None, :]
-    places = OFFSETS + REACH
-    return np.float32(both[:, :, places[:, 0], places[:, 1]].reshape(times * times, -1).T)
+    weights = both[:, :, *(OFFSETS + REACH).T].reshape(times * times, -1).T
+    return Network((np.ascontiguousarray(weights, np.float32),), (np.zeros(times**2, np.float32),))
 
 
-def pixel_weights() -> Singles:
-    """Weights of the pixels around in their mean and contrast."""
+@cache
+def _pixel_weights() -> Singles:
+    # Of the pixels around, in their mean and contrast.
     weights = np.exp(-(OFFSETS**2).sum(1) / (2 * SPREAD**2))
     return np.float32(weights / weights.sum())
 
 
-def enlarge_learned(
-    plane: npt.NDArray,
-    times: int,
-    out: npt.NDArray,
-    nets: tuple[Network, ...] | None = None,
-) -> None:
-    """Enlarge one channel.
+def enlarged_planes(
+    planes: Planes, times: int, nets: tuple[Network, ...] | None = None
+) -> Singles:
+    """Enlarge planes of an image.
 
     Parameters
     ----------
-    plane : (h, w) array
+    planes : Planes
     times : int
         One of `FACTORS`.
-    out : (times * h, times * w) array
     nets : tuple of Network, optional
         As from `views_of`; those that are shipped by default.
+
+    Returns
+    -------
+    (c, times * h, times * w) float32
+        Of hidden pixels that have none but hidden ones around, the value itself.
     """
     nets = networks()[times] if nets is None else nets
-    cubic, weights = cubic_of_told(times), pixel_weights()
-    height, width = plane.shape
+    count, height, width = planes.values.shape
     rows = max(_PIXELS // width, 1)
+    out = np.empty((count, times * height, times * width), np.float32)
 
     def work(start: int, stop: int) -> None:
-        for top in range(start, stop, rows):
-            bottom = min(top + rows, stop)
-            count = (bottom - top) * width
-            told = np.empty((len(OFFSETS), count), np.float32)
-            mean, contrast = np.empty((2, count), np.float32)
-            tell(top, bottom, plane, OFFSETS, weights, told, mean, contrast)
-            total = np.zeros((times * times, count), np.float32)
-            for net in nets:
-                total += net.of_columns(told)
-            _put(top, bottom, plane, told, mean, contrast, total, np.float32(1 / len(nets)),
-                 cubic, NEARBY, out)  # fmt: skip
+        around = told_farther(planes, start, stop)
+        for c in range(count):
+            for top in range(start, stop, rows):
+                bottom = min(top + rows, stop)
+                told, mean, contrast = told_of(
+                    planes, c, top, bottom, around[c, :, top - start : bottom - start]
+                )
+                total = nets[0].of_columns(told)
+                for net in nets[1:]:
+                    total += net.of_columns(told)
+                total *= np.float32(1 / len(nets))
+                total += cubic(times).of_columns(told[: len(OFFSETS)])
+                _put(top, bottom, planes.values[c], planes.opacity, mean, contrast, total, NEARBY,
+                     out[c])  # fmt: skip
 
-    run(work, height, chunk=rows)
+    run(work, height, chunk=STRIP)
+    return out
 
 
-@kernel
-def tell(start, stop, plane, offsets, weights, told, mean, contrast):
-    """Tell of the pixels of some rows what lies around them.
+def told_farther(planes: Planes, start: int, stop: int) -> Singles:
+    """Find what networks are told of wider surroundings.
+
+    Returns
+    -------
+    (c, len(SIGMAS) + 3, stop - start, w) float32
+        Half logarithms of the bands' energies over their sum, and of how sparse two of them are;
+        at last, one over the sum.
+    """
+    count, height, width = planes.values.shape
+    reach = len(gaussian(AROUND))
+    top, bottom = max(start - reach, 0), min(stop + reach, height)
+    smooth = planes.smoothed(SIGMAS, top, bottom)
+    out = np.empty((count, len(SIGMAS) + 3, stop - start, width), np.float32)
+    energies = np.empty((len(SIGMAS) + 2, bottom - top, width), np.float32)
+    for c in range(count):
+        _energies(top, planes.values[c], planes.opacity, smooth[:, c], energies)
+        _tell_farther(planes.averaged(energies, top, AROUND, start, stop), out[c])
+    return out
+
+
+def told_of(
+    planes: Planes, channel: int, top: int, bottom: int, around: Singles
+) -> tuple[Singles, Singles, Singles]:
+    """Find what networks are told of the pixels of some rows.
 
     Parameters
     ----------
-    start, stop : int
-        Rows.
-    plane : (h, w)
-    offsets : (k, 2) int64
-    weights : (k,) float32
-    told : (k, n) float32
-        Differences from the mean, over the contrast; 0 where all is even.
-    mean : (n,) float32
-        Less the pixel itself.
-    contrast : (n,) float32
+    planes : Planes
+    channel, top, bottom : int
+    around : (len(SIGMAS) + 3, bottom - top, w) float32
+        As from `told_farther`.
+
+    Returns
+    -------
+    told : (TOLD, n) float32
+    mean, contrast : (n,) float32
+        Of the pixels around each.
     """
-    height, width = plane.shape
-    mean[:], contrast[:] = 0, 0
-    for k in range(len(offsets)):
-        for y in range(start, stop):
-            row = min(max(y + offsets[k, 0], 0), height - 1)
-            for x in range(width):
-                column = min(max(x + offsets[k, 1], 0), width - 1)
-                n = (y - start) * width + x
-                told[k, n] = plane[row, column] - plane[y, x]
-                mean[n] += weights[k] * told[k, n]
-    for k in range(len(offsets)):
-        for n in range(len(mean)):
-            away = told[k, n] - mean[n]
-            told[k, n] = away
-            contrast[n] += weights[k] * away * away
-    for n in range(len(mean)):
-        contrast[n] = np.sqrt(contrast[n])
-    for k in range(len(offsets)):
-        for n in range(len(mean)):
-            told[k, n] = told[k, n] / contrast[n] if contrast[n] > 0 else np.float32(0)
+    count = around[0].size
+    told = np.empty((TOLD, count), np.float32)
+    mean, contrast = np.empty((2, count), np.float32)
+    _tell(top, bottom, planes.values[channel], planes.opacity, OFFSETS, _pixel_weights(), around,
+          told, mean, contrast)  # fmt: skip
+    return told, mean, contrast
 
 
 @kernel
-def _put(start, stop, plane, told, mean, contrast, total, share, cubic, nearby, out):
-    height, width = plane.shape
+def _energies(top, values, opacity, smooth, out):
+    # Squared bands, and the roots of two of them.
+    bands = len(smooth)
+    for n in range(out.shape[1]):
+        for x in range(out.shape[2]):
+            before, share = values[top + n, x], np.float32(1)
+            if opacity.size > 0:
+                share = opacity[top + n, x]
+            for k in range(bands):
+                band = before - smooth[k, n, x]
+                before = smooth[k, n, x]
+                out[k, n, x] = share * band * band
+                if k < 2:
+                    out[bands + k, n, x] = share * abs(band)
+
+
+@kernel
+def _tell_farther(energies, out):
+    bands = len(energies) - 2
+    tiny = np.float32(1e-30)
+    for y in range(out.shape[1]):
+        for x in range(out.shape[2]):
+            total = tiny
+            for k in range(bands):
+                total += energies[k, y, x]
+            for k in range(bands):
+                out[k, y, x] = half_log(energies[k, y, x] / total)
+            for k in range(2):
+                root = energies[bands + k, y, x]
+                out[bands + k, y, x] = half_log(root * root / (energies[k, y, x] + tiny))
+            out[bands + 2, y, x] = np.float32(1) / total
+
+
+@kernel
+def _tell(start, stop, values, opacity, offsets, weights, around, told, mean, contrast):
+    # Pixels are less their mean, over their contrast, and 0 where all is even. They count as far
+    # as they are visible, beside the most visible one.
+    height, width = values.shape
+    count = len(offsets)
+    last = len(around) - 1
+    shares = np.ones(count, np.float32)
+    for y in range(start, stop):
+        for x in range(width):
+            n = (y - start) * width + x
+            value = values[y, x]
+            if opacity.size > 0:
+                most = np.float32(0)
+                for k in range(count):
+                    row = min(max(y + offsets[k, 0], 0), height - 1)
+                    column = min(max(x + offsets[k, 1], 0), width - 1)
+                    shares[k] = opacity[row, column]
+                    if opacity[y, x] == 0 and most == 0 and shares[k] > 0:
+                        value = values[row, column]
+                    most = max(most, shares[k])
+                for k in range(count):
+                    shares[k] = shares[k] / most if most > 0 else np.float32(0)
+            total, average = np.float32(0), np.float32(0)
+            for k in range(count):
+                row = min(max(y + offsets[k, 0], 0), height - 1)
+                column = min(max(x + offsets[k, 1], 0), width - 1)
+                told[k, n] = values[row, column] - value
+                average += weights[k] * shares[k] * told[k, n]
+                total += weights[k] * shares[k]
+            average = average / total if total > 0 else np.float32(0)
+            energy = np.float32(0)
+            for k in range(count):
+                away = shares[k] * (told[k, n] - average)
+                told[k, n] = away
+                energy += weights[k] * away * away
+            mean[n], contrast[n] = value + average, np.sqrt(energy)
+            inverse = np.float32(1) / contrast[n] if contrast[n] > 0 else np.float32(0)
+            for k in range(count):
+                told[k, n] *= inverse
+            for k in range(last):
+                told[count + k, n] = around[k, y - start, x]
+            told[count + last, n] = half_log(energy * around[last, y - start, x])
+
+
+@kernel
+def _put(start, stop, values, opacity, mean, contrast, lacking, nearby, out):
+    height, width = values.shape
     times = out.shape[0] // height
     for y in range(start, stop):
         for x in range(width):
             n = (y - start) * width + x
-            value = plane[y, x]
-            low, high = value, value
+            low, high = np.float32(np.inf), np.float32(-np.inf)
             for row in range(max(y - nearby, 0), min(y + nearby + 1, height)):
                 for column in range(max(x - nearby, 0), min(x + nearby + 1, width)):
-                    low = min(low, plane[row, column])
-                    high = max(high, plane[row, column])
+                    if opacity.size == 0 or opacity[row, column] > 0:
+                        low = min(low, values[row, column])
+                        high = max(high, values[row, column])
             for j in range(times):
                 for i in range(times):
-                    p = j * times + i
-                    lacking = share * total[p, n]
-                    for k in range(len(told)):
-                        lacking += cubic[k, p] * told[k, n]
-                    new = value + (mean[n] + contrast[n] * lacking)
-                    out[y * times + j, x * times + i] = min(max(new, low), high)
+                    new = values[y, x]
+                    if low <= high:
+                        new = mean[n] + contrast[n] * lacking[j * times + i, n]
+                        new = min(max(new, low), high)
+                    out[y * times + j, x * times + i] = new
