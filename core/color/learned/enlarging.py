@@ -23,7 +23,7 @@ from ...grid.enlarge import cubic_weights
 from ...grid.windows import gaussian
 from ...mixture.network import Network, digest, load
 from .planes import Planes
-from .rows import half_log
+from .rows import half_log, multiply, put_logs
 from .surroundings import Singles
 
 Places = npt.NDArray[np.int64]
@@ -267,45 +267,72 @@ def _tell_farther(energies, out):
 def _tell(start, stop, values, opacity, offsets, weights, around, told, mean, contrast):
     # Pixels are less their mean, over their contrast, and 0 where all is even. They count as far
     # as they are visible, beside the most visible one.
-    height, width = values.shape
-    count = len(offsets)
-    last = len(around) - 1
-    shares = np.ones(count, np.float32)
+    width = values.shape[1]
+    count, last = len(offsets), len(around) - 1
+    total, average, energy, inverse = np.empty((4, width), np.float32)
+    base = np.empty(width, np.float32)
+    shares = np.ones((count if opacity.size > 0 else 1, width), np.float32)
     for y in range(start, stop):
+        here = slice((y - start) * width, (y - start + 1) * width)
+        base[:] = values[y]
+        for k in range(count):
+            _read(values, y, offsets[k], told[k, here])
+        if opacity.size > 0:
+            for k in range(count):
+                _read(opacity, y, offsets[k], shares[k])
+            _compare_opacity(opacity[y], told[:, here], shares, base)
+        total[:], average[:], energy[:] = 0, 0, 0
+        for k in range(count):
+            line, share, weight = told[k, here], shares[k % len(shares)], weights[k]
+            for x in range(width):
+                line[x] -= base[x]
+                total[x] += weight * share[x]
+                average[x] += weight * share[x] * line[x]
         for x in range(width):
-            n = (y - start) * width + x
-            value = values[y, x]
-            if opacity.size > 0:
-                most = np.float32(0)
-                for k in range(count):
-                    row = min(max(y + offsets[k, 0], 0), height - 1)
-                    column = min(max(x + offsets[k, 1], 0), width - 1)
-                    shares[k] = opacity[row, column]
-                    if opacity[y, x] == 0 and most == 0 and shares[k] > 0:
-                        value = values[row, column]
-                    most = max(most, shares[k])
-                for k in range(count):
-                    shares[k] = shares[k] / most if most > 0 else np.float32(0)
-            total, average = np.float32(0), np.float32(0)
-            for k in range(count):
-                row = min(max(y + offsets[k, 0], 0), height - 1)
-                column = min(max(x + offsets[k, 1], 0), width - 1)
-                told[k, n] = values[row, column] - value
-                average += weights[k] * shares[k] * told[k, n]
-                total += weights[k] * shares[k]
-            average = average / total if total > 0 else np.float32(0)
-            energy = np.float32(0)
-            for k in range(count):
-                away = shares[k] * (told[k, n] - average)
-                told[k, n] = away
-                energy += weights[k] * away * away
-            mean[n], contrast[n] = value + average, np.sqrt(energy)
-            inverse = np.float32(1) / contrast[n] if contrast[n] > 0 else np.float32(0)
-            for k in range(count):
-                told[k, n] *= inverse
-            for k in range(last):
-                told[count + k, n] = around[k, y - start, x]
-            told[count + last, n] = half_log(energy * around[last, y - start, x])
+            average[x] = average[x] / total[x] if total[x] > 0 else np.float32(0)
+        for k in range(count):
+            line, share, weight = told[k, here], shares[k % len(shares)], weights[k]
+            for x in range(width):
+                line[x] = share[x] * (line[x] - average[x])
+                energy[x] += weight * line[x] * line[x]
+        middle, root = mean[here], contrast[here]
+        for x in range(width):
+            middle[x], root[x] = base[x] + average[x], np.sqrt(energy[x])
+            inverse[x] = np.float32(1) / root[x] if root[x] > 0 else np.float32(0)
+        for k in range(count):
+            multiply(inverse, told[k, here])
+        for k in range(last):
+            told[count + k, here] = around[k, y - start]
+        put_logs(around[last, y - start], energy, told[count + last, here])
+
+
+@kernel
+def _read(plane, y, offset, out):
+    # A row from there; beyond the rim, what lies at it.
+    height, width = plane.shape
+    row = plane[min(max(y + offset[0], 0), height - 1)]
+    away = offset[1]
+    first, end = min(max(-away, 0), width), max(min(width - away, width), 0)
+    for x in range(first):
+        out[x] = row[0]
+    for x in range(first, end):
+        out[x] = row[x + away]
+    for x in range(max(first, end), width):
+        out[x] = row[width - 1]
+
+
+@kernel
+def _compare_opacity(opacity, values, shares, base):
+    # Shares become 1 for the most visible pixels; a hidden one stands aside for the first that is
+    # visible.
+    for x in range(len(base)):
+        most = np.float32(0)
+        for k in range(len(shares)):
+            if opacity[x] == 0 and most == 0 and shares[k, x] > 0:
+                base[x] = values[k, x]
+            most = max(most, shares[k, x])
+        for k in range(len(shares)):
+            shares[k, x] = shares[k, x] / most if most > 0 else np.float32(0)
 
 
 @kernel
