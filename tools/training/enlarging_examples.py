@@ -48,4 +48,3 @@ def _haloed(random, small):
     s = random.uniform(0.5, 1.2)
     away = values - ndimage.gaussian_filter(values, (s, s, 0), mode="mirror")
     return Image.fromarray(_bytes(values + random.uniform(0.3, 1.0) * away))
-

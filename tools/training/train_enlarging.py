@@ -12,7 +12,6 @@ import argparse
 import os
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machine
@@ -206,7 +205,9 @@ def train(
     )
     log(f"x{times}: {learned['told'].shape} rows")
     sizes = (*hidden, times * times)
-    network = adam._trained(Turned(learned["told"]), PictureLoss(learned), sizes, epochs, times, log)
+    network = adam._trained(
+        Turned(learned["told"]), PictureLoss(learned), sizes, epochs, times, log
+    )
     gain = gains(network, aside)
     log(f"x{times}: mean gain {gain.mean():.3f} dB; worse by .2: {(gain < -0.2).mean():.3f}")
     return replace(network, definition=DEFINITION, made_of=made_of(), version=VERSION)

@@ -139,9 +139,7 @@ def _pixel_weights() -> Singles:
     return np.float32(weights / weights.sum())
 
 
-def enlarged_planes(
-    planes: Planes, times: int, nets: tuple[Network, ...] | None = None
-) -> Singles:
+def enlarged_planes(planes: Planes, times: int, nets: tuple[Network, ...] | None = None) -> Singles:
     """Enlarge planes of an image.
 
     Parameters
