@@ -136,7 +136,7 @@ def cubic(times: int) -> Network:
 def _pixel_weights() -> Singles:
     # Of the pixels around, in their mean and contrast.
     weights = np.exp(-(OFFSETS**2).sum(1) / (2 * SPREAD**2))
-    return np.float32(weights / weights.sum())
+    return (weights / weights.sum()).astype(np.float32)
 
 
 def enlarged_planes(planes: Planes, times: int, nets: tuple[Network, ...] | None = None) -> Singles:
