@@ -311,8 +311,8 @@ _DRAWING = "Flat areas with clean borders, such as masks, cel shading, logos and
 _PHOTO = "Detail and grain count as much as borders: half as strong, and detail is raised, too"
 _AUTO = "Measure which of these the picture is"
 _BY_PIXELS = (
-    "Decide pixel by pixel, as was learned from made pictures; with Enlarge, a guide or normals,"
-    " measure which of these the picture is"
+    "Decide pixel by pixel, as was learned from made pictures; with a guide or normals, measure"
+    " which of these the picture is"
 )
 _BY_VERTICES = (
     "Decide vertex by vertex, as was learned from made pictures; Width is measured at each place"
@@ -431,8 +431,8 @@ class ImageSettings(ShockSettings):
     width: float = _changed(ShockSettings, "width", 0.0, unit="pixels", counts_in="pixels")
     enlarge: int = _setting(
         1,
-        "How many times higher and wider the result is. 1 keeps the size; 2 and 4 enlarge the image"
-        " first, and sharpen what that makes soft",
+        "How many times higher and wider the result is. 1 keeps the size; with What: Auto, 2, 3, 4,"
+        " 6 and 8 are as was learned from made pictures",
         unit="times",
         minimum=1,
         maximum=8,

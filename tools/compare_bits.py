@@ -126,6 +126,7 @@ def calls() -> Iterator[tuple[str, str, dict[str, Any]]]:
         (" with a mask", {"image": image, "mask": mask}),
         (" by a guide", {"image": image[..., 0], "guide": image[..., 1:]}),
         (" enlarged", {"image": image, "settings": settings(enlarge=2)}),
+        (" enlarged by width", {"image": image, "settings": settings(enlarge=2, what="drawing")}),
         (" by time", {"image": image, "settings": settings(time=500.0)}),
         (" as a photo", {"image": image, "settings": settings(what="photo")}),
         (" as a drawing", {"image": image, "settings": settings(what="drawing", width=5.0)}),

@@ -7,8 +7,8 @@ is not known in advance: if one leaves the halo, the chunk runs again with a hal
 last with the whole image; `counting_reruns` counts this.
 
 What, Width and how much detail there is depend on the whole image. They are measured when the
-function is called, in windows all over the image; everything else is computed with the result, so
-that no chunk stays in memory in between.
+function is called, in windows all over the image, unless networks enlarge it, which need none of
+them; everything else is computed with the result, so that no chunk stays in memory in between.
 
 Only the functions here import dask.
 """
@@ -54,6 +54,7 @@ from .image_steps import (
     opacity_in_range,
     sharpen_checked,
 )
+from .learned.enlarged_images import is_enlarged_as_learned, reach_of_steps
 from .learned.images import is_learned
 from .learned.recipe import reach
 from .learned.surroundings import CELL
@@ -121,7 +122,8 @@ def sharpen_chunks(
     if min(pixels.shape[:2]) * times < 2:  # a line of pixels is filtered at once
         margin, halo = 0, max(pixels.shape[:2])
     else:
-        if settings.by_width and not settings.is_neutral:
+        alone = is_enlarged_as_learned(settings, lead is not None)
+        if settings.by_width and not settings.is_neutral and not alone:
             found = _measured(pixels, lead, settings, known)
         margin, halo = _reach_of_sharpening(settings, found, lead is not None)
     function = partial(
@@ -252,6 +254,8 @@ def _reach_of_sharpening(
     # The margin where the flow is not known, and the halo, in pixels of the result.
     if settings.is_neutral:
         margin = around = walk = 0
+    elif is_enlarged_as_learned(settings, has_guide):
+        margin, around, walk = 0, settings.enlarge * reach_of_steps(settings.enlarge), 0
     elif is_learned(settings, has_guide):
         margin, moved = reach(settings.smoothing_passes)
         around, walk = 0, moved + _LEARNED_WALK + CELL  # where squares of pixels begin

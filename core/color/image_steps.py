@@ -25,6 +25,7 @@ from .by_width.domain import flow_for_time
 from .by_width.grid_domain import GridDomain
 from .by_width.images import follow_pixels_by_width, sharpen_pixels_by_width
 from .by_width.measuring import Measured, measured
+from .learned.enlarged_images import enlarge_pixels, is_enlarged_as_learned
 from .learned.images import (
     is_learned,
     measured_for_learned,
@@ -76,8 +77,13 @@ def sharpen_checked(
         with aside("Enlarging"):
             weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
     floats = np.empty_like(large)
-    with phase(0.1, 1.0, "Sharpening"):
-        _filter_into(floats, large, settings, weights, lead, known, part)
+    if is_enlarged_as_learned(settings, lead is not None) and not settings.is_neutral:
+        with phase(0.1, 0.9, "Enlarging"):
+            _enlarge_into(floats, large, pixels, settings)
+        _mix_into(floats, large, settings, weights)
+    else:
+        with phase(0.1, 1.0, "Sharpening"):
+            _filter_into(floats, large, settings, weights, lead, known, part)
     with aside("Sharpening"):
         scale = SCALES[given.dtype.name]
         for band in blocks(len(floats), BAND):
@@ -96,6 +102,17 @@ def large_pixels(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
     return large
 
 
+def _enlarge_into(
+    target: npt.NDArray, large: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings
+) -> None:
+    # `large` is what the cubic makes of the pixels, which is what opacity becomes.
+    channels = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))[0]
+    weighing = opacity_in_range(pixels, channels.alpha)
+    enlarge_pixels(weighing, channels, settings.enlarge, target)
+    if channels.alpha >= 0:
+        target[..., channels.alpha] = large[..., channels.alpha]
+
+
 def _filter_into(
     target: npt.NDArray,
     pixels: npt.NDArray,
@@ -111,6 +128,15 @@ def _filter_into(
     if settings.is_neutral:
         return
     _sharpen_into(target, pixels, settings, lead, known, part)
+    _mix_into(target, pixels, settings, weights)
+
+
+def _mix_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    settings: ImageSettings,
+    weights: npt.NDArray | None,
+) -> None:
     if weights is not None or settings.amount < 1.0:
         with phase(1.0, 1.0, "Sharpening"):
             mix(pixels, _times_amount(weights, settings.amount, pixels), target)

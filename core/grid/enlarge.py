@@ -32,13 +32,18 @@ def enlarged(pixels: npt.NDArray, times: int, scale: float = 1.0, alpha: int = -
     height, width, channels = pixels.shape
     kind = np.float64 if pixels.dtype == np.float64 else np.float32
     out = np.empty((times * height, times * width, channels), kind)
-    run(_enlarge, len(out), pixels, _weights(times), scale, alpha, out, chunk=_ROWS)
+    run(_enlarge, len(out), pixels, cubic_weights(times), scale, alpha, out, chunk=_ROWS)
     return out
 
 
-def _weights(times: int) -> npt.NDArray[np.float64]:
-    # For each new pixel within an old one: weights of the old pixel's neighbors, from two before
-    # to two behind, one of which is 0.
+def cubic_weights(times: int) -> npt.NDArray[np.float64]:
+    """Weights of an old pixel's neighbors for the new ones within, in the Catmull-Rom cubic.
+
+    Returns
+    -------
+    (times, 5) array
+        Of those from two before to two behind, one of which is 0.
+    """
     places = (np.arange(times) + 0.5) / times - 0.5
     away = np.abs(places[:, None] - np.arange(-2, 3))
     near = 1.0 + away**2 * (1.5 * away - 2.5)

@@ -15,6 +15,7 @@ from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
 from ..color.by_width.measuring import Measured
 from ..color.image_sharpening import measure_image
+from ..color.learned.enlarged_images import is_enlarged_as_learned
 from ..grid.enlarge import enlarged
 from ..registry import find
 from ..settings import BY_WIDTH, named, value_of
@@ -56,7 +57,7 @@ def filter_image(
 
 def with_measures(part: HostImage, whole: HostImage, settings: Any) -> HostImage:
     """Return a part of an image with the measurements of the whole."""
-    if not settings.kernel.by_width:
+    if not settings.kernel.by_width or is_enlarged_as_learned(settings.kernel, False):
         return part
 
     def measure() -> Measured:

@@ -21,7 +21,7 @@ _SQUARE = 16
 _REACHED = 6_000_000
 """Number of pixels that kernels reach in about a quarter of a second."""
 
-_MADE = 500_000
+_MADE = 300_000
 """Number of pixels that are enlarged and sharpened in that time."""
 
 

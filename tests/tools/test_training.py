@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 import train_creases
 import train_denoising
+import train_enlarging
 import train_images
 from distances import box, truths
 from meshings import EXTENT, sampled, surface_nets
-from shock_filter.core.color.learned import recipe
+from shock_filter.core.color.learned import enlarging, recipe
 from shock_filter.core.mixture.network import load
 from shock_filter.core.shape import learned, smoothings
 from shock_filter.core.shape.candidates import DEFINITION
@@ -40,6 +41,42 @@ def test_the_shipped_networks_for_images_come_from_these_scripts():
     for name in recipe.STAGES:
         assert found[name].made_of == train_images.made_of()
         assert found[name].version == train_images.VERSION
+
+
+def test_the_shipped_networks_for_enlarging_come_from_these_scripts():
+    found = load(enlarging.WEIGHTS, enlarging.DEFINITION)
+    for times in enlarging.FACTORS:
+        network = found[enlarging.name_of(times)]
+        assert network.made_of == train_enlarging.made_of()
+        assert network.version == train_enlarging.VERSION
+
+
+def test_a_tiny_network_learns_to_enlarge_what_it_has_not_seen(monkeypatch):
+    monkeypatch.setattr(image_examples, "SIZE", 48)
+    monkeypatch.setattr(image_examples, "bank", lambda: [np.eye(768, dtype=np.float32)])
+    tables = [train_enlarging.table(seed) for seed in range(64, 96)]
+    parts = [part for each in tables for part in each[2]]
+    said = []
+    network = train_enlarging.train(parts, 2, epochs=8, hidden=(16,), log=said.append)
+    assert network.definition == enlarging.DEFINITION
+    aside = [part for part in parts if part["aside"][0]]
+    assert len(aside) == 2 * train_enlarging.COPIES
+    assert train_enlarging.gains(network, train_enlarging.joined(aside)).mean() > 0.0
+    assert "mean gain" in said[-1]
+
+
+def test_turned_pictures_have_turned_answers():
+    random = np.random.default_rng(3)
+    told = random.normal(size=(5, enlarging.TOLD)).astype(np.float32)
+    network = enlarging.Network(
+        (random.normal(size=(enlarging.TOLD, 9)).astype(np.float32),), (np.zeros(9, np.float32),)
+    )
+    rows = {"told": told, "missing": np.zeros((5, 9), np.float32), "error": np.ones(1)}
+    mean = train_enlarging.PictureLoss(rows).mean_of(
+        network.scores(train_enlarging.Turned(told)[np.arange(5)])
+    )
+    views = [net.scores(told) for net in enlarging.views_of(network)]
+    np.testing.assert_allclose(mean, sum(views) / enlarging.VIEWS, atol=1e-5)
 
 
 def test_digests_are_of_the_scripts_that_are_named_and_no_others():

@@ -30,7 +30,7 @@ differ far less, but the sun in an HDR photo would hide all else."""
 def is_learned(settings: ImageSettings, has_guide: bool) -> bool:
     """Whether an image is sharpened by the learned recipe.
 
-    Not if a time or What is given, or a guide, or if it is enlarged.
+    Not if a time or What is given, or a guide, or if it is enlarged; see `enlarged_images`.
     """
     by_itself = settings.by_width and settings.what == "auto" and settings.enlarge == 1
     return by_itself and not has_guide
