@@ -79,7 +79,7 @@ def sharpen_checked(
     floats = np.empty_like(large)
     if is_enlarged_as_learned(settings, lead is not None) and not settings.is_neutral:
         with phase(0.1, 0.9, "Enlarging"):
-            _enlarge_into(floats, large, pixels, settings)
+            _enlarge_into(floats, pixels, settings)
         _mix_into(floats, large, settings, weights)
     else:
         with phase(0.1, 1.0, "Sharpening"):
@@ -102,15 +102,16 @@ def large_pixels(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
     return large
 
 
-def _enlarge_into(
-    target: npt.NDArray, large: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings
-) -> None:
-    # `large` is what the cubic makes of the pixels, which is what opacity becomes.
-    channels = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))[0]
-    weighing = opacity_in_range(pixels, channels.alpha)
-    enlarge_pixels(weighing, channels, settings.enlarge, target)
-    if channels.alpha >= 0:
-        target[..., channels.alpha] = large[..., channels.alpha]
+def _enlarge_into(target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings) -> None:
+    colors, *opacity = with_opacity(
+        channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
+    )
+    share = 1.0 - 0.25 * len(opacity)
+    with phase(0.0, share, "Enlarging"):
+        enlarge_pixels(opacity_in_range(pixels, colors.alpha), colors, settings.enlarge, target)
+    for channels in opacity:
+        with phase(share, 1.0, "Enlarging"):
+            enlarge_pixels(pixels, channels, settings.enlarge, target)
 
 
 def _filter_into(
