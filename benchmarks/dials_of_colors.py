@@ -31,7 +31,8 @@ SEEDS = 2, 3
 
 PATCHES = 40
 SETTINGS = {
-    "Drawing": core.ShockSettings(),
+    "Auto": core.ShockSettings(what="auto"),
+    "Drawing": core.ShockSettings(what="drawing"),
     "Photo": core.ShockSettings(what="photo"),
     "time 256": core.ShockSettings(time=256.0),
     "time 4096": core.ShockSettings(time=4096.0),

@@ -477,7 +477,7 @@ MODES: list[Mode] = [
                 "Crisp Borders",
                 "For wide, soft borders between areas that should have one color each, where Auto"
                 " finds too little: closes borders 12 edges wide",
-                {"what": "drawing", "width": 12.0},
+                {"width": 12.0},
             ),
             _PAINTERLY,
         ),

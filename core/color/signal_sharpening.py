@@ -126,9 +126,9 @@ def sharpen_corner_signal(
     """Sharpen a signal given at the corners of the faces of a mesh, such as corner colors.
 
     Where the corners at a vertex differ, the signal is discontinuous, and nothing flows across;
-    equal corners count as one vertex. With What or a time, each corner of the result has the value
-    at the end of its own flow-line, so that edges can run between faces; by default, corners that
-    were equal stay so.
+    equal corners count as one vertex. Each corner of the result has the value at the end of its own
+    flow-line, so that edges can run between faces; with What at "auto", corners that were equal
+    stay so.
 
     Parameters
     ----------

@@ -109,8 +109,8 @@ RUNS = {
     "colors of corners": lambda mesh, colors, mask, ask: core.sharpen_corner_signal(
         mesh, colors, None, mask=mask, progress=ask
     ),
-    "colors of corners by width": lambda mesh, colors, mask, ask: core.sharpen_corner_signal(
-        mesh, colors, core.ShockSettings(what="drawing"), mask=mask, progress=ask
+    "colors of corners as learned": lambda mesh, colors, mask, ask: core.sharpen_corner_signal(
+        mesh, colors, core.ShockSettings(what="auto"), mask=mask, progress=ask
     ),
     "denoising": lambda mesh, colors, mask, ask: find("denoise_geometry").function(16.0)(
         mesh, mask=mask, progress=ask

@@ -64,6 +64,15 @@ def read(picture, vertices):
     )
 
 
+def at_vertices(mesh, values, mask=None, **words):
+    settings = core.ShockSettings(what="auto", **words)
+    return core.sharpen_vertex_signal(mesh, values, settings, mask=mask)
+
+
+def at_corners(mesh, values):
+    return core.sharpen_corner_signal(mesh, values, core.ShockSettings(what="auto"))
+
+
 def error(values, truth):
     return math.sqrt(((values - truth) ** 2).mean())
 
@@ -83,7 +92,7 @@ def uneven():
 def test_pixels_as_vertices_gain_what_the_image_gains(sigma):
     picture = areas_of_color(SIZE)
     image = blurred(picture, sigma).astype(np.float32)
-    out = core.sharpen_vertex_signal(pixels_as_mesh(SIZE), image.reshape(-1, 3))
+    out = at_vertices(pixels_as_mesh(SIZE), image.reshape(-1, 3))
     gained = [
         decibels(result, picture) - decibels(image, picture)
         for result in (out.reshape(image.shape), core.sharpen_image(image))
@@ -123,36 +132,36 @@ def test_linear_signals_stay_where_heat_spreads():
 def test_blurred_areas_come_closer_to_what_they_were(uneven):
     vertices, faces, soft, truth = uneven
     mesh = core.TriangleMesh(vertices, faces)
-    out = core.sharpen_vertex_signal(mesh, soft)
+    out = at_vertices(mesh, soft)
     assert decibels(out, truth) > decibels(soft, truth) + 1.0
 
 
 def test_a_result_depends_on_neither_order_nor_size_nor_place(uneven):
     vertices, faces, soft, _ = uneven
-    out = core.sharpen_vertex_signal(core.TriangleMesh(vertices, faces), soft)
+    out = at_vertices(core.TriangleMesh(vertices, faces), soft)
     change = error(out, soft)
     turned = 7.3 * vertices @ rotation(2).T + 100.0
-    other = core.sharpen_vertex_signal(core.TriangleMesh(turned, faces), soft)
+    other = at_vertices(core.TriangleMesh(turned, faces), soft)
     assert error(other, out) < 0.15 * change  # cells lie elsewhere
     order = np.random.default_rng(0).permutation(len(vertices))
     number = np.argsort(order)
     mesh = core.TriangleMesh(vertices[order], number[faces[::-1]])
-    other = core.sharpen_vertex_signal(mesh, soft[order])
+    other = at_vertices(mesh, soft[order])
     assert error(other, out[order]) < 0.01 * change
 
 
 def test_scaling_and_shifting_of_values_commute(uneven):
     vertices, faces, soft, _ = uneven
     mesh = core.TriangleMesh(vertices, faces)
-    out = core.sharpen_vertex_signal(mesh, soft)
-    other = core.sharpen_vertex_signal(mesh, 40.0 * soft - 3000.0)
+    out = at_vertices(mesh, soft)
+    other = at_vertices(mesh, 40.0 * soft - 3000.0)
     assert error((other + 3000.0) / 40.0, out) < 0.01 * error(out, soft)
 
 
 def test_nothing_leaves_the_range_nearby(uneven):
     vertices, faces, soft, _ = uneven
     mesh = core.TriangleMesh(vertices, faces)
-    out = core.sharpen_vertex_signal(mesh, soft)
+    out = at_vertices(mesh, soft)
     planes = VertexPlanes.of_vertices(Vertices(mesh), soft)
     low, high = (planes.vertices.values_of(each[0]) for each in planes.ranges((7,), 0, 0))
     assert (out >= low - 1e-6).all()
@@ -165,20 +174,20 @@ def test_nothing_leaves_the_range_nearby(uneven):
 @pytest.mark.parametrize("sampling", ["linear", "nearest"])
 def test_even_colors_stay_bit_for_bit(channels, sampling):
     mesh = core.TriangleMesh(*icosphere(3))
-    settings = core.ShockSettings(channels=channels, sampling=sampling)
+    words = {"channels": channels, "sampling": sampling}
     colors = np.tile([0.1, 0.37, 0.9], (mesh.vertex_count, 1))
-    assert np.array_equal(core.sharpen_vertex_signal(mesh, colors, settings), colors)
+    assert np.array_equal(at_vertices(mesh, colors, **words), colors)
 
 
 def test_masks_and_amount_mix(uneven):
     vertices, faces, soft, _ = uneven
     mesh = core.TriangleMesh(vertices, faces)
-    out = core.sharpen_vertex_signal(mesh, soft)
-    half = core.sharpen_vertex_signal(mesh, soft, core.ShockSettings(amount=0.5))
+    out = at_vertices(mesh, soft)
+    half = at_vertices(mesh, soft, amount=0.5)
     assert np.allclose(half, 0.5 * (soft + out))
     mask = np.zeros(len(soft))
     mask[::2] = 1.0
-    masked = core.sharpen_vertex_signal(mesh, soft, mask=mask)
+    masked = at_vertices(mesh, soft, mask=mask)
     assert np.array_equal(masked[1::2], soft[1::2])
     assert np.array_equal(masked[::2], out[::2])
 
@@ -186,8 +195,8 @@ def test_masks_and_amount_mix(uneven):
 def test_corners_that_agree_are_a_vertex(uneven):
     vertices, faces, soft, _ = uneven
     mesh = core.TriangleMesh(vertices, faces)
-    out = core.sharpen_vertex_signal(mesh, soft)
-    corners = core.sharpen_corner_signal(mesh, soft[faces])
+    out = at_vertices(mesh, soft)
+    corners = at_corners(mesh, soft[faces])
     assert error(corners, out[faces]) < 0.01 * error(out, soft)
 
 
@@ -196,14 +205,14 @@ def test_nothing_flows_across_jumps():
     mesh = core.TriangleMesh(vertices, faces)
     corners = np.where(vertices[faces][:, :, :1].mean(axis=1, keepdims=True) > 14.5, 0.9, 0.2)
     corners = np.broadcast_to(corners, (*faces.shape, 1)).copy()
-    assert np.array_equal(core.sharpen_corner_signal(mesh, corners), corners)
+    assert np.array_equal(at_corners(mesh, corners), corners)
 
 
 def test_bytes_are_as_good_as_floats(uneven):
     vertices, faces, soft, truth = uneven
     mesh = core.TriangleMesh(vertices, faces)
     rounded = np.rint(255 * soft) / 255
-    results = [core.sharpen_corner_signal(mesh, each[faces]) for each in (soft, rounded)]
+    results = [at_corners(mesh, each[faces]) for each in (soft, rounded)]
     floats, of_bytes = (decibels(result, truth[faces]) for result in results)
     assert of_bytes > floats - 0.1
 
@@ -218,7 +227,7 @@ def test_odd_meshes_work(count):
     for vertices, faces in meshes:
         mesh = core.TriangleMesh(vertices, faces)
         colors = random.random((mesh.vertex_count, count)).astype(np.float32)
-        out = core.sharpen_vertex_signal(mesh, colors)
+        out = at_vertices(mesh, colors)
         assert out.dtype == np.float32
         assert np.isfinite(out).all()
         assert out.min() >= colors.min()
@@ -231,18 +240,18 @@ def test_reports_say_what_was_done():
     mesh = pixels_as_mesh(48)
     away = mesh.vertices[:, :1] - 24
     with gathering() as found:
-        core.sharpen_vertex_signal(mesh, 0.5 + 0.4 * np.tanh(away / 2))
+        at_vertices(mesh, 0.5 + 0.4 * np.tanh(away / 2))
     assert "edge lengths wide" in str(found[0])
     with gathering() as found:
-        core.sharpen_vertex_signal(mesh, np.ones((mesh.vertex_count, 3)))
+        at_vertices(mesh, np.ones((mesh.vertex_count, 3)))
     assert str(found[0]) == "Nothing to sharpen was found."
 
 
 def test_shuffled_faces_change_little():
     vertices, faces = icosphere(4)
     colors = 0.5 + 0.4 * np.tanh(6 * vertices)
-    out = core.sharpen_vertex_signal(core.TriangleMesh(vertices, faces), colors)
+    out = at_vertices(core.TriangleMesh(vertices, faces), colors)
     given = shuffled(vertices, faces)
     nearest = cKDTree(vertices).query(given[0])[1]
-    other = core.sharpen_vertex_signal(core.TriangleMesh(given[0], given[1]), colors[nearest])
+    other = at_vertices(core.TriangleMesh(given[0], given[1]), colors[nearest])
     assert abs(other - out[nearest]).mean() < 0.02 * abs(out - colors).mean() + 1e-6
