@@ -8,6 +8,8 @@ import pytest
 import scipy.ndimage
 from shock_filter import core
 from shock_filter.core import settings as settings_module
+from shock_filter.core.base.findings import gathering
+from shock_filter.core.grid.noise import measure_noise
 from shock_filter.core.base.parallel import run
 from shock_filter.core.beltrami import grid_smoothing
 from shock_filter.core.beltrami.grid_smoothing import smooth_grid, smooth_rows
@@ -452,3 +454,62 @@ def test_opacity_below_zero_counts_as_none():
     assert np.array_equal(out[..., 3], image[..., 3])
     assert image[..., :3].min() <= out[..., :3].min()
     assert out[..., :3].max() <= image[..., :3].max()
+
+
+def textured(channels=3):
+    """Blotches with soft edges and stripes, (96, 96, channels) in [0, 1]."""
+    clean = photo(96, 96, seed=4, channels=channels, noise=0.0)
+    stripes = 0.03 * np.sin(np.arange(96) / 1.5)[:, None, None]
+    return scipy.ndimage.gaussian_filter(clean, (0.7, 0.7, 0)) + stripes
+
+
+def rms(difference):
+    return math.sqrt(np.square(difference).mean())
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("strength", [0.012, 0.03, 0.1])
+def test_beta_follows_from_the_noise(channels, strength):
+    clean = textured(channels)
+    noise = strength * np.random.default_rng(5).normal(size=clean.shape)
+    assert measure_noise(clean + noise, 1.0, -1) == pytest.approx(strength, rel=0.2)
+    assert rms(smooth(clean + noise) - clean) < 0.75 * strength
+
+
+def test_clean_images_hardly_change():
+    clean = textured()
+    assert rms(smooth(clean) - clean) < 0.005
+    even = np.full((40, 40, 3), 0.3)
+    np.testing.assert_allclose(smooth(even), even, atol=1e-7)
+    assert np.isfinite(smooth(1e30 * clean)).all()
+
+
+def test_more_noise_changes_gradually():
+    clean = textured()
+    noise = np.random.default_rng(6).normal(size=clean.shape)
+    sizes = [rms(smooth(clean + s * noise) - clean - s * noise) for s in np.arange(0, 0.1, 0.005)]
+    assert np.diff(sizes).min() > -0.001
+    assert np.diff(sizes).max() < 0.006
+
+
+def test_what_is_transparent_is_not_measured():
+    noise = 0.05 * np.random.default_rng(7).normal(size=(96, 96, 3))
+    image = np.concatenate([0.5 + noise, np.ones((96, 96, 1))], axis=2)
+    image[:60] = 0.0
+    assert measure_noise(image, 1.0, 3) == pytest.approx(0.05, rel=0.2)
+
+
+def test_values_cut_at_the_ends_of_the_range_are_made_up_for():
+    noise = 0.05 * np.random.default_rng(8).normal(size=(96, 96, 1))
+    assert measure_noise(np.maximum(noise, 0.0), 1.0, -1) == pytest.approx(0.05, rel=0.3)
+
+
+def test_lines_of_pixels_have_no_noise_to_measure():
+    line = photo(1, 60)
+    np.testing.assert_array_equal(smooth(line), smooth(line, beta=7.0))
+
+
+def test_the_measured_noise_is_told():
+    with gathering() as findings:
+        smooth(textured())
+    assert str(findings[0]).startswith("Noise of ")
