@@ -18,7 +18,8 @@ from .borders import windows_to_measure
 
 _PATCH = 12
 _QUANTILE = 0.1  # of the patches
-_BIAS = 0.55  # the variance found there in white noise, whose variance is 1
+_BIAS = 0.733  # the variance found there in white noise, whose variance is 1
+_EVEN = 2.0  # how many times more variance at two pixels' distance is still noise
 _RIM = 2  # pixels at the rim that have no second distance
 _CUT = 0.75  # share of pixels at the ends of the range from which patches count less
 _LEAST = 0.1  # how much those count that are all at the ends
@@ -50,8 +51,8 @@ def measure_noise(
     Notes
     -----
     Immerkaer's mask removes linear values. In noise its mean square is the same at one and at two
-    pixels' distance; where it is larger at two, there is texture or a border, and the first counts
-    by the quotient of both. Values that were cut at 0 or 1 vary less, which is made up for.
+    pixels' distance; where it is far larger at two, there is texture or a border, and the first
+    counts less by the square of the quotient. Values that were cut at 0 or 1 vary less, which is made up for.
     """
     colors = image.shape[2] if alpha < 0 else alpha
     found: list[npt.NDArray] = []
@@ -80,7 +81,7 @@ def _patches(plane: npt.NDArray, seen: npt.NDArray) -> npt.NDArray:
     near, far, cut = (
         _summed(known * each) / np.maximum(weights, _NONE) for each in (near, far, cut)
     )
-    variance = near * np.minimum(near / np.maximum(far, _NONE), 1.0)
+    variance = near * np.minimum(_EVEN * near / np.maximum(far, _NONE), 1.0) ** 2
     variance /= np.maximum(1.0 - cut, 1.0 - _CUT) ** _CUTTING
     varied = np.clip((1.0 - cut) / (1.0 - _CUT), 0.0, 1.0)
     return np.stack([variance, weights * (_LEAST + (1.0 - _LEAST) * varied)])
