@@ -6,9 +6,9 @@ filtered together with its halo, the pixels around it that influence it. The len
 is not known in advance: if one leaves the halo, the chunk runs again with a halo twice as wide, at
 last with the whole image; `counting_reruns` counts this.
 
-What, Width, the noise and how much detail there is depend on the whole image. They are measured when the
-function is called, in windows all over the image; everything else is computed with the result, so
-that no chunk stays in memory in between.
+What, Width, the noise and how much detail there is depend on the whole image. They are measured
+when the function is called, in windows all over the image; everything else is computed with the
+result, so that no chunk stays in memory in between.
 
 Only the functions here import dask.
 """

@@ -52,7 +52,8 @@ def measure_noise(
     -----
     Immerkaer's mask removes linear values. In noise its mean square is the same at one and at two
     pixels' distance; where it is far larger at two, there is texture or a border, and the first
-    counts less by the square of the quotient. Values that were cut at 0 or 1 vary less, which is made up for.
+    counts less by the square of the quotient. Values that were cut at 0 or 1 vary less, which is
+    made up for.
     """
     colors = image.shape[2] if alpha < 0 else alpha
     found: list[npt.NDArray] = []

@@ -79,7 +79,8 @@ def beltrami_texture(
 
     Notes
     -----
-    Paper C, equations 20 to 23, and beta by the noise, as in `beltrami_image`, on the texels of paper B, section 3.
+    Paper C, equations 20 to 23, and beta by the noise, as in `beltrami_image`, on the texels of
+    paper B, section 3.
     As for the paper's images painted on manifolds, distances are those between texels in space,
     with colors as further coordinates. Their unit is different: lengths in space are measured in
     local texels, because noise is as wide as these. So the kernel follows the shape of stretched

@@ -111,7 +111,7 @@ def test_nothing_is_computed_before_it_is_asked_for():
     image = dask.array.map_blocks(read, chunks=((60, 60), (60, 60)), dtype=np.float32,
                                   meta=np.empty((0, 0), np.float32))  # fmt: skip
     core.sharpen_image(image, PAPER)
-    core.beltrami_image(image)
+    core.beltrami_image(image, core.BeltramiSettings(beta=7.0))
     core.osher_rudin_image(image, steps=4)
     lazy = core.sharpen_image(image, core.ImageSettings(), known=measure_image(shapes()))
     with pytest.raises(AssertionError, match="too early"):
