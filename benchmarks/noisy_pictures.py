@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How near noisy pictures come to the truth: *Denoise Image*, *Sharpen Image*, OpenCV.
 
-``python benchmarks/noisy_pictures.py --write docs``. Pictures are those of `image_sharpening`, none
-of which served to choose how noise is counted. OpenCV's non-local means has the best of seven
-strengths for each picture, by an oracle.
+``python benchmarks/noisy_pictures.py --write docs``. Pictures are those of `image_sharpening`. How
+noise is measured was chosen by looking at some of them, how it is counted on made pictures only.
+OpenCV's non-local means has the best of seven strengths for each picture, by an oracle.
 """
 
 from __future__ import annotations
