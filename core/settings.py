@@ -172,6 +172,11 @@ class _Settings:
         return False
 
     @property
+    def by_noise(self) -> bool:
+        """Whether what keeps edges follows from the noise of an image."""
+        return False
+
+    @property
     def reach(self) -> float:
         """Number of pixels read for each pixel, if the time depends on it; otherwise 0."""
         return 0.0
@@ -1080,7 +1085,30 @@ def _kernel_time(lengths: str, maximum: float, counts_in: str = "edges") -> Any:
     )
 
 
-def _kernel_beta(default: float, lengths: str, counts_in: str = "edges") -> Any:
+BY_NOISE = -1.0
+"""The default beta of images and textures: it follows from the noise that is measured."""
+
+BETA_UNKNOWN = 7.0
+"""Beta where no noise can be measured, such as on a line of pixels."""
+
+
+def _kernel_beta_by_noise(lengths: str) -> Any:
+    return _setting(
+        BY_NOISE,
+        "How much values count against lengths: a step from 0 to 1 is as far as this many"
+        f" {lengths}. -1 measures the noise, and counts it as about one of these; 0 blurs across"
+        " edges; 30 keeps even faint ones, and noise with them",
+        unit=f"{lengths} a unit of value",
+        minimum=BY_NOISE,
+        maximum=1e6,
+        soft_maximum=30.0,
+        length_power=1,
+        counts_in=lengths,
+        label="Keep Edges",
+    )
+
+
+def _kernel_beta(default: float, lengths: str) -> Any:
     return _setting(
         default,
         "How much values count against lengths: a step from 0 to 1 is as far as this many"
@@ -1089,7 +1117,7 @@ def _kernel_beta(default: float, lengths: str, counts_in: str = "edges") -> Any:
         maximum=1e6,
         soft_maximum=30.0,
         length_power=1,
-        counts_in=counts_in,
+        counts_in="edges",
         label="Keep Edges",
     )
 
@@ -1125,9 +1153,14 @@ class BeltramiSettings(BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.beltrami_image` and `beltrami_manifold`."""
 
     time: float = _kernel_time("pixels", 100.0, counts_in="pixels")
-    beta: float = _kernel_beta(7.0, "pixels", counts_in="pixels")
+    beta: float = _kernel_beta_by_noise("pixels")
     iterations: int = _changed(BeltramiMeshSettings, "iterations", 2)
     alpha: str = _alpha()
+
+    @property
+    def by_noise(self) -> bool:
+        """Whether `beta` follows from the noise that is measured."""
+        return self.beta < 0 and self.time > 0
 
     @property
     def reach(self) -> float:
@@ -1140,7 +1173,7 @@ class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
     """Settings of :func:`shock_filter.core.beltrami_texture`."""
 
     time: float = _kernel_time("texels", 100.0, counts_in="texels")
-    beta: float = _kernel_beta(7.0, "texels", counts_in="texels")
+    beta: float = _kernel_beta_by_noise("texels")
     alpha: str = _alpha()
     content: str = _content()
 

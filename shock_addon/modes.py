@@ -345,20 +345,9 @@ MODES: list[Mode] = [
         second="beta",
         about_in_images="Remove noise; edges stay",
         announced="Will denoise: {}",
-        advice="for more noise raise Time or lower Keep Edges",
+        advice="to take more away raise Time, or set Keep Edges lower than was measured",
         icon="SMOOTHCURVE",
         presets=(
-            Preset(
-                "Light Noise",
-                "For noise that is seen only close up: keeps the fine detail that the default"
-                " flattens",
-                {"beta": 15.0, "iterations": 1},
-            ),
-            Preset(
-                "Strong Noise",
-                "For night shots and few render samples: averages across fainter edges, too",
-                {"beta": 4.0},
-            ),
             Preset(
                 "Flat Colors",
                 "For style, and for pictures to be traced: flattens what lies between edges, and"
@@ -380,20 +369,9 @@ MODES: list[Mode] = [
         about_in_images="Remove noise on the surface of the selected objects that show it, across"
         " seams",
         announced="Will denoise: {}",
-        advice="for more noise raise Time or lower Keep Edges",
+        advice="to take more away raise Time, or set Keep Edges lower than was measured",
         icon="SMOOTHCURVE",
         presets=(
-            Preset(
-                "Light Noise",
-                "For noise that is seen only close up: keeps the fine detail that the default"
-                " flattens",
-                {"beta": 15.0, "iterations": 1},
-            ),
-            Preset(
-                "Strong Noise",
-                "For bakes of few samples: averages across fainter edges, too",
-                {"beta": 4.0},
-            ),
             Preset(
                 "Normal Map",
                 "For tangent-space normals: they are turned where values cross a seam, stay unit"

@@ -6,9 +6,10 @@ filtered together with its halo, the pixels around it that influence it. The len
 is not known in advance: if one leaves the halo, the chunk runs again with a halo twice as wide, at
 last with the whole image; `counting_reruns` counts this.
 
-What, Width and how much detail there is depend on the whole image. They are measured when the
-function is called, in windows all over the image, unless networks enlarge it, which need none of
-them; everything else is computed with the result, so that no chunk stays in memory in between.
+What, Width, the noise and how much detail there is depend on the whole image. They are measured
+when the function is called, in windows all over the image, unless networks enlarge it, which need
+none of them; everything else is computed with the result, so that no chunk stays in memory in
+between.
 
 Only the functions here import dask.
 """
@@ -45,7 +46,7 @@ from .by_width.dials import tell_widths
 from .by_width.images import reach_by_width
 from .by_width.measuring import Measured
 from .guides import check_guide, checked_guide
-from .image_smoothing import smoothed_image
+from .image_smoothing import smoothed_image, with_beta
 from .image_steps import (
     LARGEST,
     large_pixels,
@@ -149,6 +150,7 @@ def smooth_chunks(image: Dask, settings: BeltramiSettings, mask: npt.ArrayLike |
     pixels = _checked_picture(image)
     weights = _checked_mask(mask, pixels)
     sources = [pixels] if weights is None else [pixels, weights]
+    settings = with_beta(settings, _Windows(pixels))
     halo = settings.iterations * reach_of(settings) if settings.time > 0 else 0
     return _over_chunks(image, sources, partial(_smooth_part, settings=settings), halo)
 
@@ -202,6 +204,16 @@ def _checked_lead(
 
 
 # ------------------------------------------------------------------------------------- measuring
+
+
+class _Windows:
+    """An image that is read window by window."""
+
+    def __init__(self, pixels: Dask) -> None:
+        self._pixels, self.shape, self.dtype = pixels, pixels.shape, pixels.dtype
+
+    def __getitem__(self, window: tuple[slice, slice]) -> npt.NDArray:
+        return checked_image(_computed([self._pixels[window]])[0])
 
 
 class _View:

@@ -18,7 +18,7 @@ from ..base.checks import (
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
 from ..grid.pixels import mix
-from ..settings import BeltramiSettings, given_or_default
+from ..settings import BETA_UNKNOWN, BeltramiSettings, given_or_default
 from .image_smoothing import smoothed, smoothed_image
 
 _SMOOTHED = ("image", "embedding", "both")
@@ -65,6 +65,10 @@ def beltrami_image(
 
     Notes
     -----
+    In the paper, beta is chosen by hand. Here its default follows from the noise, which is measured
+    in windows all over the image: noise of one standard deviation counts as about one pixel, so
+    that a clean image hardly changes. Where it cannot be measured, on a line of pixels, beta is 7.
+
     Equations 20 to 23 of paper C: weights are exp(-d^2 / 4t), normalized to a sum of 1. Pixels are
     weighted by their area in space. With their area on the surface (x, y, beta I) instead, the
     change of smooth images tends to t times the Laplace-Beltrami operator as t goes to 0, but edges
@@ -113,7 +117,7 @@ def beltrami_manifold(
         Positions of the pixels in space. The unit of lengths, a pixel for `time` and `beta`, is the
         mean distance between neighbours along the grid's axes.
     settings, mask, progress
-        As in `beltrami_image`.
+        As in `beltrami_image`, but the default beta is 7.
     smooth : {"image", "embedding", "both"}
         Which components the kernel is applied to (equation 7 of paper C).
 
@@ -148,6 +152,8 @@ def beltrami_manifold(
     places = _checked_embedding(embedding, given)
     weights = checked_weights(mask, given)
     settings = given_or_default(settings, BeltramiSettings)
+    if settings.beta < 0:
+        settings = settings.changed(beta=BETA_UNKNOWN)
     checked_word(smooth, "smooth", _SMOOTHED)
     if settings.time == 0:
         return given.copy(), places.copy()

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,14 +13,50 @@ from ..base.checks import (
     BAND,
     SCALES,
 )
+from ..base.findings import tell
 from ..base.parallel import blocks
 from ..base.progress import aside, ask, phase
 from ..beltrami.grid_smoothing import smooth_grid, surface_areas
 from ..grid.channels import opacity_channel
+from ..grid.noise import measure_noise
 from ..grid.pixels import copied, mix
-from ..settings import BeltramiSettings
+from ..settings import BETA_UNKNOWN, BeltramiSettings
 
 _FARTHEST = 1e15  # its square is far from the ends of float32
+_LEAST_NOISE, _MOST = 1e-30, 1e6
+
+
+_NOISE = 1.1
+"""How many pixels away noise of one standard deviation is.
+
+Chosen on pictures of `tools/training/image_examples.py`, for the gain in decibels and its least.
+"""
+
+
+def with_beta(
+    settings: BeltramiSettings, image: Any, inside: npt.NDArray[np.bool_] | None = None
+) -> Any:
+    """Return settings whose `beta` follows from the noise, if they leave it to that.
+
+    Parameters
+    ----------
+    settings : BeltramiSettings
+    image : (h, w, c) array
+        Or an object whose windows are read as those of arrays.
+    inside : (h, w) bool, optional
+        The pixels to look at.
+    """
+    if not settings.by_noise:
+        return settings
+    alpha = opacity_channel(image.shape[2], settings.alpha)
+    count = image.shape[2] if alpha < 0 else alpha
+    noise = measure_noise(image, SCALES[image.dtype.name], alpha, inside=inside)
+    if noise is None:
+        return settings.changed(beta=BETA_UNKNOWN)
+    # Distances add up over the channels.
+    beta = min(_NOISE / max(noise * math.sqrt(count), _LEAST_NOISE), _MOST)
+    tell("Noise of {noise:.2g}; Keep Edges {beta:.3g}.", noise=noise, beta=beta)
+    return settings.changed(beta=beta)
 
 
 def smoothed_image(
@@ -26,6 +65,8 @@ def smoothed_image(
     """Denoise an image as `beltrami_image` does, from checked arguments."""
     if settings.time == 0:
         return given.copy()
+    with aside("Smoothing"):
+        settings = with_beta(settings, given.reshape(*given.shape[:2], -1))
     flat = np.empty((*given.shape[:2], 0), dtype=np.float32)
     return smoothed(given, flat, settings, weights, "image")[0]
 

@@ -15,6 +15,7 @@ from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
 from ..color.by_width.measuring import Measured
 from ..color.image_sharpening import measure_image
+from ..color.image_smoothing import with_beta
 from ..color.learned.enlarged_images import is_enlarged_as_learned
 from ..grid.enlarge import enlarged
 from ..registry import find
@@ -70,6 +71,24 @@ def with_measures(part: HostImage, whole: HostImage, settings: Any) -> HostImage
 
     key = tuple(replace(settings, time=BY_WIDTH, amount=1.0).__dict__.values())
     return replace(part, known=kept(whole, "measured", key, measure))
+
+
+def with_beta_of(whole: HostImage, settings: Any) -> Any:
+    """Return settings for a part of an image whose noise is that of the whole."""
+    if not settings.kernel.by_noise:
+        return settings
+
+    def measure() -> float:
+        found: list[float] = []
+
+        def look(pixels: Pixels, alpha: str) -> Pixels:
+            found.append(with_beta(with_opacity(settings.kernel, alpha), pixels).beta)
+            return pixels
+
+        filter_channels(whole, look, settings.kernel.alpha)
+        return found[0]
+
+    return settings.changed(beta=kept(whole, "noise", settings.kernel.alpha, measure))
 
 
 def filter_pixels(

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
+from ..base.findings import gathering
 from ..base.progress import ProgressCallback
 from ..host.advection import FlowPlane, FlowSurface, frames_of
 from ..host.colors import filter_colors
@@ -77,7 +78,8 @@ def rehearse(
     for run in _runs(kinds):
         if progress is not None and not progress(share_ready(), "Preparing"):
             return
-        run()
+        with gathering():  # as hosts do: what is told is measured, too
+            run()
 
 
 def share_ready() -> float:
@@ -146,7 +148,9 @@ def _settings(row: Filter) -> Iterator[Any]:
     changes: list[dict[str, Any]] = [{}]
     for name, (_, default, about) in fields.items():
         changes += [{name: value} for value in about.rehearsed if value != default]
-        changes += [{**short, name: word} for word in about.choices if word != default]
+        words = [word for word in about.choices if word != default]
+        # What has code of its own where no time is given.
+        changes += [{**({} if name == "what" else short), name: word} for word in words]
     for change in changes:
         settings = row.settings(**{**brief, **change})
         yield Denoising(settings, None) if row.then else settings

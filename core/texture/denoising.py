@@ -10,6 +10,7 @@ from ..atlas import TextureAtlas
 from ..base.checks import LARGEST, by_keyword, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..beltrami.texel_smoothing import smooth_texels_once
+from ..color.image_smoothing import with_beta
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import BeltramiTextureSettings, given_or_default
@@ -78,7 +79,8 @@ def beltrami_texture(
 
     Notes
     -----
-    Paper C, equations 20 to 23, as in `beltrami_image`, on the texels of paper B, section 3.
+    Paper C, equations 20 to 23, and beta by the noise, as in `beltrami_image`, on the texels of
+    paper B, section 3.
     As for the paper's images painted on manifolds, distances are those between texels in space,
     with colors as further coordinates. Their unit is different: lengths in space are measured in
     local texels, because noise is as wide as these. So the kernel follows the shape of stretched
@@ -110,6 +112,8 @@ def beltrami_texture(
         if settings.time == 0:
             return given.copy()
         with phase(0.3, 0.9, "Smoothing"):
+            with aside("Smoothing"):
+                settings = with_beta(settings, pixels, texture.atlas.inside)
             texture, values = gathered(texture, settings)
             values = _smoothed(texture, values, settings, weights)
         with phase(0.9, 1.0, "Filling the gutter"):

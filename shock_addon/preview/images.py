@@ -47,20 +47,30 @@ class ImageStage:
         As in `Preview`; `show` takes a `Seen`.
     on_model : bool
         Whether materials that show the image show the result.
+    whole : HostImage, optional
+        The image that parts are cut out of, whose noise is that of all parts.
     """
 
     def __init__(
-        self, image: bpy.types.Image, part: Callable[[Any], tuple], on_model: bool = False
+        self,
+        image: bpy.types.Image,
+        part: Callable[[Any], tuple],
+        on_model: bool = False,
+        whole: HostImage | None = None,
     ) -> None:
-        self.part, self.note = part, ""
+        self.part, self.note, self._whole = part, "", whole
         self.chosen = {"image": image.name}
         self._uid, self._size = image.session_uid, tuple(image.size)
         self._overlay = Overlay(image)
         self._on_model = data.image.stand_in.StandIn(image) if on_model else None
 
     def settings(self, settings: Any) -> Any:
-        """Return them unchanged, as a patch has pixels of the same size."""
-        return settings
+        """Return them with the noise of the whole image; a patch has pixels of the same size."""
+        if self._whole is None:
+            return settings
+        from ...core.host.images import with_beta_of
+
+        return with_beta_of(self._whole, settings)
 
     def show(self, seen: Seen) -> None:
         """Draw the result."""
@@ -126,7 +136,7 @@ def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -
 
         return with_measures(smaller.image, whole, settings), partial(_seen, smaller, colors)
 
-    return ImageStage(image, part)
+    return ImageStage(image, part, whole=whole)
 
 
 def _read_texture(context: bpy.types.Context, mode: Mode, parameters: Any) -> ImageStage:

@@ -13,7 +13,7 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
 from ...core.preview.dials import TIMES, dial_of, turned
-from ...core.settings import describe
+from ...core.settings import BETA_UNKNOWN, describe
 from ..data.skipped import explain
 from ..modes import STEADY_STATE, Mode
 from ..operators.base import Progress, task_of
@@ -83,6 +83,7 @@ class Preview:
         self._computing: SimpleNamespace | None = None
         self._trouble = ""
         self._seen: Any = None
+        self._measured = BETA_UNKNOWN
 
     @property
     def is_computing(self) -> bool:
@@ -118,7 +119,11 @@ class Preview:
         if not name or self.is_before:
             return
         kind, _, about = self._about[name]
-        setattr(self.parameters, name, turned(getattr(self.parameters, name), kind, about, clicks))
+        value = getattr(self.parameters, name)
+        if value < 0:  # begins where the measurement is
+            value = self._measured
+        new = turned(value, kind, about, clicks)
+        setattr(self.parameters, name, max(new, 0.0) if about.minimum < 0 else new)
 
     def text(self) -> str:
         """Return the values of the dials in one line."""
@@ -141,6 +146,7 @@ class Preview:
             parts.append(iface_("Time {time} (move mouse)").format(time=time_))
         if self.second:
             value = getattr(self.parameters, self.second)
+            value = value if value >= 0 else self._measured
             name = iface_(self._about[self.second][2].label or label(self._plain(self.second)))
             parts.append(iface_("{name} {value:.4g} (wheel)").format(name=name, value=value))
         if self.stage.note:
@@ -186,6 +192,8 @@ class Preview:
 
         def work(progress: Progress) -> Any:
             settings = stage.settings(settings_of(mode, parameters))
+            if not settings.kernel.by_noise:
+                self._measured = getattr(settings.kernel, "beta", self._measured)
             part, seen = stage.part(settings)
             task = task_of(mode, parameters, settings, [SimpleNamespace(surface=part)])
             (result,) = task.run(progress)

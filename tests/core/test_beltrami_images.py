@@ -8,10 +8,12 @@ import pytest
 import scipy.ndimage
 from shock_filter import core
 from shock_filter.core import settings as settings_module
+from shock_filter.core.base.findings import gathering
 from shock_filter.core.base.parallel import run
 from shock_filter.core.beltrami import grid_smoothing
 from shock_filter.core.beltrami.grid_smoothing import smooth_grid, smooth_rows
 from shock_filter.core.grid.geodesics import march, open_band
+from shock_filter.core.grid.noise import measure_noise
 
 
 def photo(height=41, width=37, seed=0, channels=3, noise=0.05):
@@ -22,7 +24,7 @@ def photo(height=41, width=37, seed=0, channels=3, noise=0.05):
 
 
 def smooth(image, mask=None, **settings):
-    return core.beltrami_image(image, core.BeltramiSettings(**settings), mask=mask)
+    return core.beltrami_image(image, core.BeltramiSettings(**{"beta": 7.0} | settings), mask=mask)
 
 
 def square(n, size=1.0):
@@ -393,7 +395,7 @@ def test_a_flat_manifold_is_an_image():
     y, x = np.mgrid[: image.shape[0], : image.shape[1]].astype(float)
     flat = np.stack([0.1 * y, 5 - 0.1 * x, 0 * x], axis=-1)  # turned, shifted, another unit
     out, embedding = core.beltrami_manifold(image, flat)
-    assert np.allclose(out, core.beltrami_image(image), atol=1e-5)
+    assert np.allclose(out, smooth(image), atol=1e-5)
     assert np.array_equal(embedding, flat)
 
 
@@ -452,3 +454,66 @@ def test_opacity_below_zero_counts_as_none():
     assert np.array_equal(out[..., 3], image[..., 3])
     assert image[..., :3].min() <= out[..., :3].min()
     assert out[..., :3].max() <= image[..., :3].max()
+
+
+def textured(channels=3):
+    """Blotches with soft edges and stripes in a half, (96, 96, channels) in [0, 1]."""
+    clean = photo(24, 24, seed=4, channels=channels, noise=0.0).repeat(4, 0).repeat(4, 1)
+    stripes = 0.03 * np.sin(np.arange(48) / 1.5)
+    clean[48:] += stripes[:, None, None]
+    return scipy.ndimage.gaussian_filter(clean, (1.0, 1.0, 0))
+
+
+def rms(difference):
+    return math.sqrt(np.square(difference).mean())
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("strength", [0.012, 0.03, 0.1])
+def test_beta_follows_from_the_noise(channels, strength):
+    clean = textured(channels)
+    noise = strength * np.random.default_rng(5).normal(size=clean.shape)
+    assert measure_noise(clean + noise, 1.0, -1) == pytest.approx(strength, rel=0.25)
+    assert rms(core.beltrami_image(clean + noise) - clean) < 0.75 * strength
+
+
+def test_clean_images_hardly_change():
+    clean = textured()
+    assert rms(core.beltrami_image(clean) - clean) < 0.005
+    even = np.full((40, 40, 3), 0.3)
+    np.testing.assert_allclose(core.beltrami_image(even), even, atol=1e-7)
+    assert np.isfinite(core.beltrami_image(1e30 * clean)).all()
+
+
+def test_more_noise_changes_gradually():
+    clean = textured()
+    noise = np.random.default_rng(6).normal(size=clean.shape)
+    sizes = [
+        rms(core.beltrami_image(clean + s * noise) - clean - s * noise)
+        for s in np.arange(0, 0.1, 0.005)
+    ]
+    assert np.diff(sizes).min() > -0.001
+    assert np.diff(sizes).max() < 0.009
+
+
+def test_what_is_transparent_is_not_measured():
+    noise = 0.05 * np.random.default_rng(7).normal(size=(96, 96, 3))
+    image = np.concatenate([0.5 + noise, np.ones((96, 96, 1))], axis=2)
+    image[:60] = 0.0
+    assert measure_noise(image, 1.0, 3) == pytest.approx(0.05, rel=0.25)
+
+
+def test_values_cut_at_the_ends_of_the_range_are_made_up_for():
+    noise = 0.05 * np.random.default_rng(8).normal(size=(96, 96, 1))
+    assert measure_noise(np.maximum(noise, 0.0), 1.0, -1) == pytest.approx(0.05, rel=0.3)
+
+
+def test_lines_of_pixels_have_no_noise_to_measure():
+    line = photo(1, 60)
+    np.testing.assert_array_equal(core.beltrami_image(line), smooth(line))
+
+
+def test_the_measured_noise_is_told():
+    with gathering() as findings:
+        core.beltrami_image(textured())
+    assert str(findings[0]).startswith("Noise of ")

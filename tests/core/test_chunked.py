@@ -58,6 +58,13 @@ def test_denoising_has_the_same_bits_as_in_memory():
     np.testing.assert_array_equal(computed(lazy), core.beltrami_image(image, settings))
 
 
+def test_noise_is_that_of_the_whole():
+    noise = 0.1 * np.random.default_rng(4).normal(size=(700, 500, 1))
+    image = (0.5 + noise * np.linspace(0, 1, 700)[:, None, None]).astype(np.float32)
+    lazy = core.beltrami_image(cut(image, 250))
+    np.testing.assert_array_equal(computed(lazy), core.beltrami_image(image))
+
+
 def test_what_is_measured_in_many_windows_is_the_same():
     noise = np.random.default_rng(3).normal(size=(1300, 1100))
     image = gaussian_filter(noise, 12.0).astype(np.float32) * 10
@@ -104,7 +111,7 @@ def test_nothing_is_computed_before_it_is_asked_for():
     image = dask.array.map_blocks(read, chunks=((60, 60), (60, 60)), dtype=np.float32,
                                   meta=np.empty((0, 0), np.float32))  # fmt: skip
     core.sharpen_image(image, PAPER)
-    core.beltrami_image(image)
+    core.beltrami_image(image, core.BeltramiSettings(beta=7.0))
     core.osher_rudin_image(image, steps=4)
     lazy = core.sharpen_image(image, core.ImageSettings(), known=measure_image(shapes()))
     with pytest.raises(AssertionError, match="too early"):
