@@ -48,8 +48,9 @@ class Setting(NamedTuple):
         which fit into Blender's sidebar.
     role : str
         The meaning of the value for programs: ``"time"``, ``"width"`` (of the borders to close; 0
-        measures it), ``"gain"``, ``"opacity"``, ``"content"``, ``"enlargement"`` or ``"repeats"``.
-        See `named` and `value_of`.
+        measures it), ``"edges"`` (what keeps edges; less than 0 measures the noise), ``"gain"``,
+        ``"opacity"``, ``"content"``, ``"enlargement"`` or ``"repeats"``. See `named` and
+        `value_of`.
     of_data : bool
         Whether it describes the data, so that a filter that follows in the same run has the same
         value.
@@ -1105,6 +1106,7 @@ def _kernel_beta_by_noise(lengths: str) -> Any:
         length_power=1,
         counts_in=lengths,
         label="Keep Edges",
+        role="edges",
     )
 
 

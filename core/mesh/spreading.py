@@ -60,7 +60,7 @@ class Graph:
 
     def spread(self, values: Singles, variance: float, message: str) -> Singles:
         """Smooth values (n, k) by a variance; constants stay bit for bit."""
-        if self.fastest == 0 or not values.size:
+        if self.fastest == 0 or variance == 0 or not values.size:
             return values
         time = 0.5 * variance
         plain = math.ceil(time * self.most)

@@ -13,7 +13,7 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
 from ...core.preview.dials import TIMES, dial_of, turned
-from ...core.settings import BETA_UNKNOWN, describe
+from ...core.settings import BETA_UNKNOWN, describe, value_of
 from ..data.skipped import explain
 from ..modes import STEADY_STATE, Mode
 from ..operators.base import Progress, task_of
@@ -193,7 +193,7 @@ class Preview:
         def work(progress: Progress) -> Any:
             settings = stage.settings(settings_of(mode, parameters))
             if not settings.kernel.by_noise:
-                self._measured = getattr(settings.kernel, "beta", self._measured)
+                self._measured = value_of(settings.kernel, "edges", self._measured)
             part, seen = stage.part(settings)
             task = task_of(mode, parameters, settings, [SimpleNamespace(surface=part)])
             (result,) = task.run(progress)

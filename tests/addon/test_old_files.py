@@ -87,7 +87,10 @@ def test_a_stored_time_does_what_it_did(scene, key):
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_denoising_of_images_does_what_it_did(scene):
+    # What keeps edges was 7 where nothing was stored; it follows from the noise today.
     enter(scene, "Sheet")
+    settings = bpy.context.scene.shock_filter.denoise_image
+    settings.beta = 7.0 if settings.beta < 0 else settings.beta
     np.testing.assert_array_equal(press("denoise_image"), RESULTS[f"{scene} denoise_image"])
 
 
