@@ -15,6 +15,7 @@ from image_peers import available, timed
 from pictures import View, draw, sheet
 from report import Target, table, targets
 from shock_filter import core
+from shock_filter.core.settings import BETA_UNKNOWN
 from skimage import data as photos
 
 NOISE = 0.1
@@ -95,8 +96,8 @@ class Method:
 
 
 def methods() -> Iterator[Method]:
-    """All methods; ours try their default first."""
-    default = core.BeltramiSettings()
+    """All methods; ours try Keep Edges 7 first."""
+    default = core.BeltramiSettings(beta=BETA_UNKNOWN)
     first = (default.beta, default.time, default.iterations)
     names = ["beta", "time", "iterations"]
     geodesic = [(6, 1, 2), (8, 1.25, 2), (10, 1.5, 2), (12, 2, 2), (10, 1, 3), (5, 1.5, 1)]
@@ -106,7 +107,7 @@ def methods() -> Iterator[Method]:
         def make(*setting: float, distance: str = distance) -> Filter:
             return ours(*setting, distance)
 
-        yield Method(f"ours, {distance}, default", make, names, [first])
+        yield Method(f"ours, {distance}, Keep Edges 7", make, names, [first])
         yield Method(f"ours, {distance}, best", make, names, [first, *more])
     sigmas = ["sigma color", "sigma space", "times"]
     spaces = (1.0, 1.5, 2.0, 3.0)
@@ -197,7 +198,7 @@ CROP = (slice(20, 148), slice(20, 148))
 def photo_picture(job: common.Job) -> str:
     """The paper's Figure 5: a photo, with noise, and after one and two iterations."""
     clean, noisy = noisy_pair("astronaut")
-    default = core.BeltramiSettings()
+    default = core.BeltramiSettings(beta=BETA_UNKNOWN)
     once, twice = (ours(default.beta, default.time, count, "geodesic")(noisy) for count in (1, 2))
     straight = ours(default.beta, default.time, 2, "euclidean")(noisy)
     tiles = [_bytes(image[CROP]) for image in (clean, noisy, once, twice, straight)]

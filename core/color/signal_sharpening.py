@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sharpening of colors and other signals on meshes (paper A, sections 3 and 4).
 
-By default the learned recipe is followed: see `vertices_learned`. If What is given and no time,
-`by_width` computes the flow times. Both go beyond the paper.
+Without a time, `by_width` computes the flow times, or with What at "auto" the learned recipe is
+followed: see `vertices_learned`. Both go beyond the paper.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def sharpen_vertex_signal(
     signal : (n,) or (n, d) array of float32 or float64
         Any number of channels; times and contrasts assume values in [0, 1].
     settings : ShockSettings, optional
-        By default, what is sharpened is decided vertex by vertex.
+        By default, the width of the borders is measured and closed.
     mask : (n,) array of float in [0, 1], optional
         1 sharpens fully, less mixes with the input, 0 keeps it bit for bit.
     progress : callable, optional

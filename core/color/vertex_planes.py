@@ -26,7 +26,7 @@ from ..mesh.cell_means import CellMeans
 from ..mesh.spreading import squared_units, vertex_graph
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.windows import widened, windows_of
-from .learned.planes import NONE, Plan, Planes, gaussian_of
+from .learned.planes import NONE, Plan, WholePlanes, variance_of
 from .learned.surroundings import Singles
 
 _MESSAGE = "Sharpening"
@@ -39,12 +39,6 @@ _PASS = 0.2977
 
 _LEAST, _MOST = 1 / 4096, 4096.0
 """Bounds on the fourth power of a unit, by which a vertex's time to flow is multiplied."""
-
-
-def _variance_of(sigma: float) -> float:
-    # That of the weights in use for images, which are cut off.
-    weights = gaussian_of(sigma).astype(np.float64)
-    return float(2.0 * (np.arange(len(weights)) ** 2 @ weights))
 
 
 class Vertices:
@@ -107,7 +101,7 @@ class Vertices:
 
 
 @dataclass(frozen=True)
-class VertexPlanes(Planes):
+class VertexPlanes(WholePlanes):
     """Channels of a signal at vertices, all of which count alike.
 
     Attributes
@@ -118,7 +112,6 @@ class VertexPlanes(Planes):
     """
 
     vertices: Vertices = field(kw_only=True)
-    whole = True
 
     @classmethod
     def of_vertices(cls, vertices: Vertices, values: npt.NDArray) -> VertexPlanes:
@@ -128,14 +121,6 @@ class VertexPlanes(Planes):
     def with_values(self, values: Singles) -> VertexPlanes:
         """Return other values."""
         return replace(self, values=values)
-
-    def forget(self) -> None:
-        """Forget all that was computed but the widest ranges."""
-        self._kept.clear()
-        last = max(self._ranges, key=max)
-        kept = tuple(each[-1:].copy() for each in self._ranges[last])
-        self._ranges.clear()
-        self._ranges[last[-1:]] = kept[0], kept[1]
 
     def columns(self, start: int, stop: int) -> npt.NDArray[np.bool_]:
         """Which places of some rows, one row after the other, hold vertices."""
@@ -153,28 +138,18 @@ class VertexPlanes(Planes):
         self, energies: Singles, first: int, sigma: float, top: int, bottom: int
     ) -> Singles:
         """Smooth energies: (k, rows, columns)."""
-        values = self.vertices.spread(self.vertices.values_of(energies), _variance_of(sigma))
+        values = self.vertices.spread(self.vertices.values_of(energies), variance_of(sigma))
         return self.vertices.planes_of(np.maximum(values, 0, out=values))
-
-    def smoothed(self, sigmas: tuple[float, ...], top: int, bottom: int) -> Singles:
-        """Smooth all rows by growing widths: (k, c, rows, columns)."""
-        if sigmas not in self._kept:
-            self._kept[sigmas] = self._smoothed(sigmas)
-        return self._kept[sigmas]
 
     def _smoothed(self, sigmas: tuple[float, ...]) -> Singles:
         out = np.empty((len(sigmas), *self.values.shape), np.float32)
         smooth, variance = self.vertices.values_of(self.values), 0.0
         for number, (target, sigma) in enumerate(zip(out, sigmas, strict=True)):
             with phase((number / len(out)) ** 2, ((number + 1) / len(out)) ** 2, _MESSAGE):
-                smooth = self.vertices.spread(smooth, _variance_of(sigma) - variance)
-            variance = _variance_of(sigma)
+                smooth = self.vertices.spread(smooth, variance_of(sigma) - variance)
+            variance = variance_of(sigma)
             target[:] = self.vertices.planes_of(smooth)
         return out
-
-    @cached_property
-    def _kept(self) -> dict[tuple[float, ...], Singles]:
-        return {}
 
     def slopes(self, smooth: Singles) -> Singles:
         """Measure four times the squared gradient of values, averaged over channels."""
@@ -184,15 +159,6 @@ class VertexPlanes(Planes):
             run(_slopes, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
                 mesh.areas, vertices.trust, *mesh.corners, vertices.units, values, out)  # fmt: skip
         return out.reshape(smooth.shape[1:])
-
-    def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
-        """Find the least and greatest values within some steps: (r, c, rows, columns)."""
-        if reaches not in self._ranges:
-            low, high = self._found_ranges(reaches)
-            for r, reach in enumerate(reaches):
-                self._ranges[(reach,)] = low[r, None], high[r, None]
-            self._ranges[reaches] = low, high
-        return self._ranges[reaches]
 
     def _found_ranges(self, reaches: tuple[int, ...]) -> tuple[Singles, Singles]:
         vertices = self.vertices
@@ -206,10 +172,6 @@ class VertexPlanes(Planes):
             low[r], high[r] = vertices.planes_of(both[:, 0]), vertices.planes_of(both[:, 1])
             done = reach
         return low, high
-
-    @cached_property
-    def _ranges(self) -> dict[tuple[int, ...], tuple[Singles, Singles]]:
-        return {}
 
     def flowed(
         self,

@@ -24,7 +24,15 @@ from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask, phase
-from ..color.learned.planes import NONE, Plan, Planes, gaussian_of, mix_potentials, planes_of
+from ..color.learned.planes import (
+    NONE,
+    Plan,
+    Planes,
+    WholePlanes,
+    mix_potentials,
+    planes_of,
+    variance_of,
+)
 from ..color.learned.surroundings import Singles, averages
 from ..grid.channels import Channels
 from ..grid.part import Part
@@ -38,12 +46,6 @@ _VARIANCE = 0.5
 _LEAST, _MOST = 1 / 4096, 4096.0
 """Bounds on the squared area of a texel, by which its time to flow is multiplied: those of lengths
 of 1/8 and 8."""
-
-
-def _variance_of(sigma: float) -> float:
-    # That of the weights in use for images, which are cut off.
-    weights = gaussian_of(sigma).astype(np.float64)
-    return float(2.0 * (np.arange(len(weights)) ** 2 @ weights))
 
 
 class Surface:
@@ -116,7 +118,7 @@ _CHUNK = 4 * ROWS
 
 
 @dataclass(frozen=True)
-class TexelPlanes(Planes):
+class TexelPlanes(WholePlanes):
     """Channels of a texture: nodes and ghosts of a sheet, all of them visible or of some opacity.
 
     Attributes
@@ -127,7 +129,6 @@ class TexelPlanes(Planes):
     """
 
     surface: Surface = field(kw_only=True)
-    whole = True
 
     @classmethod
     def of_texels(cls, surface: Surface, values: Singles, channels: Channels) -> TexelPlanes:
@@ -147,14 +148,6 @@ class TexelPlanes(Planes):
         np.divide(sums, self.opacity, out=values, where=beside)
         values[:, ~seen] = 0
         return replace(self, values=values)
-
-    def forget(self) -> None:
-        """Forget all that was computed but the widest ranges."""
-        self._kept_smooth.clear()
-        last = max(self._ranges, key=max)
-        kept = tuple(each[-1:].copy() for each in self._ranges[last])
-        self._ranges.clear()
-        self._ranges[last[-1:]] = kept[0], kept[1]
 
     def columns(self, start: int, stop: int) -> npt.NDArray[np.bool_]:
         """Which pixels of some rows, (rows * columns,), lie inside charts."""
@@ -176,15 +169,9 @@ class TexelPlanes(Planes):
         """Smooth energies that were weighted by opacity: (k, rows, columns)."""
         energies = self.surface.complete(np.ascontiguousarray(energies))
         if not self.opacity.size:
-            return self.surface.smooth(energies, _variance_of(sigma))
+            return self.surface.smooth(energies, variance_of(sigma))
         both = np.concatenate([energies, self.opacity[None]])
-        return averages(self.surface.smooth(both, _variance_of(sigma)), True)
-
-    def smoothed(self, sigmas: tuple[float, ...], top: int, bottom: int) -> Singles:
-        """Smooth all rows by growing widths, weighted by opacity: (k, c, rows, columns)."""
-        if sigmas not in self._kept_smooth:
-            self._kept_smooth[sigmas] = self._smoothed(sigmas)
-        return self._kept_smooth[sigmas]
+        return averages(self.surface.smooth(both, variance_of(sigma)), True)
 
     def _smoothed(self, sigmas: tuple[float, ...]) -> Singles:
         out = np.empty((len(sigmas), *self.values.shape), np.float32)
@@ -193,25 +180,12 @@ class TexelPlanes(Planes):
             smooth = np.concatenate([smooth, self.opacity[None]])
         for number, (target, sigma) in enumerate(zip(out, sigmas, strict=True)):
             with phase((number / len(out)) ** 2, ((number + 1) / len(out)) ** 2, _MESSAGE):
-                smooth = self.surface.smooth(smooth, _variance_of(sigma) - variance)
-            variance = _variance_of(sigma)
+                smooth = self.surface.smooth(smooth, variance_of(sigma) - variance)
+            variance = variance_of(sigma)
             target[:] = smooth[: len(target)]
             if self.opacity.size:
                 np.divide(target, smooth[-1], out=target, where=smooth[-1] > 0)
         return out
-
-    @cached_property
-    def _kept_smooth(self) -> dict[tuple[float, ...], Singles]:
-        return {}
-
-    def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
-        """Find the least and greatest visible values within some texels: (r, c, rows, columns)."""
-        if reaches not in self._ranges:
-            low, high = self._found_ranges(reaches)
-            for r, reach in enumerate(reaches):
-                self._ranges[(reach,)] = low[r, None], high[r, None]
-            self._ranges[reaches] = low, high
-        return self._ranges[reaches]
 
     def _found_ranges(self, reaches: tuple[int, ...]) -> tuple[Singles, Singles]:
         low, high = (np.empty((len(reaches), *self.values.shape), np.float32) for _ in range(2))
@@ -234,10 +208,6 @@ class TexelPlanes(Planes):
         if seen.any():
             for least, most in zip(low, high, strict=True):
                 least[hidden], most[hidden] = least[seen].max(), most[seen].min()
-
-    @cached_property
-    def _ranges(self) -> dict[tuple[int, ...], tuple[Singles, Singles]]:
-        return {}
 
     def flowed(
         self,

@@ -7,8 +7,9 @@ such as the texels of an atlas, gives another kind of planes.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,12 @@ from .surroundings import STRIP, Singles, Squares, Surroundings
 NONE = np.empty((0, 0), np.float32)
 
 gaussian_of = cache(gaussian)
+
+
+def variance_of(sigma: float) -> float:
+    """Variance of the weights of a Gaussian, which are cut off."""
+    weights = gaussian_of(sigma).astype(np.float64)
+    return float(2.0 * (np.arange(len(weights)) ** 2 @ weights))
 
 
 class Plan(NamedTuple):
@@ -225,6 +232,49 @@ class Planes:
         if alpha >= 0:
             pixels[..., alpha] = self.opacity
         return pixels, Channels(0, count, alpha, brightness)
+
+
+class WholePlanes(Planes, ABC):
+    """Planes whose rows are smoothed together; smoothings and ranges are kept."""
+
+    whole = True
+
+    def forget(self) -> None:
+        """Forget all that was computed but the widest ranges."""
+        self._kept_smooth.clear()
+        last = max(self._ranges, key=max)
+        kept = tuple(each[-1:].copy() for each in self._ranges[last])
+        self._ranges.clear()
+        self._ranges[last[-1:]] = kept[0], kept[1]
+
+    def smoothed(self, sigmas: tuple[float, ...], top: int, bottom: int) -> Singles:
+        """Smooth all rows by growing widths, weighted by opacity: (k, c, rows, w)."""
+        if sigmas not in self._kept_smooth:
+            self._kept_smooth[sigmas] = self._smoothed(sigmas)
+        return self._kept_smooth[sigmas]
+
+    def ranges(self, reaches: tuple[int, ...], top: int, bottom: int) -> tuple[Singles, Singles]:
+        """Find the least and greatest visible values within some steps: (r, c, rows, w)."""
+        if reaches not in self._ranges:
+            low, high = self._found_ranges(reaches)
+            for r, reach in enumerate(reaches):
+                self._ranges[(reach,)] = low[r, None], high[r, None]
+            self._ranges[reaches] = low, high
+        return self._ranges[reaches]
+
+    @abstractmethod
+    def _smoothed(self, sigmas: tuple[float, ...]) -> Singles: ...
+
+    @abstractmethod
+    def _found_ranges(self, reaches: tuple[int, ...]) -> tuple[Singles, Singles]: ...
+
+    @cached_property
+    def _kept_smooth(self) -> dict[tuple[float, ...], Singles]:
+        return {}
+
+    @cached_property
+    def _ranges(self) -> dict[tuple[int, ...], tuple[Singles, Singles]]:
+        return {}
 
 
 def planes_of(pixels: Singles) -> Singles:
