@@ -51,32 +51,50 @@ def smooth_rows(plane, first, height, weights, top, out):
     width = plane.shape[1]
     reach = weights.size - 1
     wide = np.empty(width + 2 * reach, np.float32)
-    row = np.empty(width, np.float32)
+    row = wide[reach : reach + width]
     for number in range(len(out)):
         y = top + number
         middle = plane[y - first]
         for x in range(width):
             row[x] = weights[0] * middle[x]
-        for k in range(1, reach + 1):
-            up = plane[_mirrored(y - k, height) - first]
-            down = plane[_mirrored(y + k, height) - first]
-            weight = weights[k]
-            for x in range(width):
-                row[x] += weight * (up[x] + down[x])
-        for x in range(width):
-            wide[x + reach] = row[x]
+        for k in range(1, reach, 2):
+            _add_four(
+                weights[k],
+                plane[_mirrored(y - k, height) - first],
+                plane[_mirrored(y + k, height) - first],
+                weights[k + 1],
+                plane[_mirrored(y - k - 1, height) - first],
+                plane[_mirrored(y + k + 1, height) - first],
+                row,
+            )
+        if reach % 2:
+            up = plane[_mirrored(y - reach, height) - first]
+            _add_two(weights[reach], up, plane[_mirrored(y + reach, height) - first], row)
         for x in range(reach):
             wide[x] = row[_mirrored(x - reach, width)]
             wide[width + reach + x] = row[_mirrored(width + x, width)]
         line = out[number]
         for x in range(width):
-            line[x] = weights[0] * wide[x + reach]
-        for k in range(1, reach + 1):
-            weight = weights[k]
-            before = wide[reach - k : reach - k + width]
-            after = wide[reach + k : reach + k + width]
-            for x in range(width):
-                line[x] += weight * (before[x] + after[x])
+            line[x] = weights[0] * row[x]
+        for k in range(1, reach, 2):
+            left, right = reach - k, reach + k
+            _add_four(weights[k], wide[left:], wide[right:],
+                      weights[k + 1], wide[left - 1 :], wide[right + 1 :], line)  # fmt: skip
+        if reach % 2:
+            _add_two(weights[reach], wide, wide[2 * reach :], line)
+
+
+@kernel
+def _add_two(weight, a, b, out):
+    for x in range(len(out)):
+        out[x] += weight * (a[x] + b[x])
+
+
+@kernel
+def _add_four(weight, a, b, other, c, d, out):
+    # Sums are read and written half as often.
+    for x in range(len(out)):
+        out[x] = (out[x] + weight * (a[x] + b[x])) + other * (c[x] + d[x])
 
 
 @kernel
@@ -91,40 +109,41 @@ def smooth(plane, weights):
 def least_and_greatest(low, high, reach):
     """Take the minimum of `low` and the maximum of `high` within `reach`, in place: (h, w) each.
 
-    Uses the running extrema of van Herk and of Gil and Werman: blocks as long as the window are
-    accumulated in both directions, and a window is the end of one block and the start of the next.
+    Along rows, windows of doubled sizes are taken, which become code for vectors. Along columns run
+    the extrema of van Herk and of Gil and Werman: blocks as long as the window are accumulated in
+    both directions, and a window is the end of one block and the start of the next.
     """
     height, width = low.shape
     if reach == 0:
         return
-    size = 2 * reach + 1
-    blocks = (max(height, width) + 2 * reach) // size + 1
-    line = np.empty(blocks * size, np.float32)
-    to_end = np.empty(blocks * size, np.float32)
+    line, spare = np.empty((2, width + 2 * reach), np.float32)
     for y in range(height):
-        for sign, row in ((np.float32(1.0), high[y]), (np.float32(-1.0), low[y])):
-            _run_row(sign, row, reach, line, to_end)
+        _run_row(np.float32(1.0), high[y], reach, line, spare)
+        _run_row(np.float32(-1.0), low[y], reach, line, spare)
     _run_columns(np.float32(1.0), high, reach)
     _run_columns(np.float32(-1.0), low, reach)
 
 
 @kernel
-def _run_row(sign, row, reach, line, to_end):
-    size = 2 * reach + 1
-    width = row.size
-    count = (width + 2 * reach) // size + 1
-    for i in range(count * size):
-        x = i - reach
-        line[i] = sign * row[x] if 0 <= x < width else -np.inf
-    for b in range(count):
-        last = b * size + size - 1
-        to_end[last] = line[last]
-        for i in range(last - 1, b * size - 1, -1):
-            to_end[i] = max(line[i], to_end[i + 1])
-        for i in range(b * size + 1, last + 1):
-            line[i] = max(line[i], line[i - 1])
+def _run_row(sign, row, reach, line, spare):
+    width, size = row.size, 2 * reach + 1
+    count = line.size
+    line[:reach] = -np.inf
+    line[reach + width :] = -np.inf
     for x in range(width):
-        row[x] = sign * max(to_end[x], line[x + size - 1])
+        line[reach + x] = sign * row[x]
+    now, then = line, spare
+    half = 1  # the size of the windows that begin at each place of `now`
+    while 2 * half <= size:
+        count -= half
+        shifted = now[half:]
+        for x in range(count):
+            then[x] = max(now[x], shifted[x])
+        now, then = then, now
+        half *= 2
+    shifted = now[size - half :]
+    for x in range(width):
+        row[x] = sign * max(now[x], shifted[x])
 
 
 @kernel

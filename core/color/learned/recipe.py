@@ -46,7 +46,7 @@ FAINT = 5e-5
 
 _MOST = float(np.finfo(np.float16).max)
 
-_PIXELS = 2048
+_PIXELS = 4096
 """That a network looks at at once."""
 
 _MESSAGE = "Sharpening"
