@@ -20,6 +20,7 @@ from ..settings import ImageSettings, given_or_default
 from .by_width.measuring import Measured
 from .guides import checked_guide
 from .image_steps import LARGEST, large_pixels, measured_whole, opacity_in_range, sharpen_checked
+from .pixel_art import is_for_pixel_art, told_pixel_art
 
 
 @by_keyword
@@ -147,8 +148,11 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
         return measure_chunks(image, settings)
     given = checked_image(image, LARGEST)
     pixels = given.reshape(*given.shape[:2], -1)
+    squares = 0.0
+    if is_for_pixel_art(settings, has_guide=False):
+        squares = told_pixel_art(pixels, settings)
     if settings.enlarge > 1:
         pixels = large_pixels(pixels, settings)
     channels = channel_groups(pixels.shape[2], settings)[0]
     pixels = opacity_in_range(pixels, channels.alpha)
-    return measured_whole(pixels, channels, settings)
+    return measured_whole(pixels, channels, settings)._replace(pixel_art=squares)
