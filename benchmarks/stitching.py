@@ -3,8 +3,8 @@
 
 ``python benchmarks/stitching.py --data FOLDER --write docs/gradient-benchmarks.md``. Without data,
 a ball made by code stands in. No method can know the light of the whole: what is compared is scaled
-by one factor a channel first, or shifted where offsets differ, or both for haze. Values are sRGB, as
-files hold them; exposure is multiplied in linear light.
+by one factor a channel first, or shifted where offsets differ, or both for haze. Values are sRGB,
+as files hold them; exposure is multiplied in linear light.
 """
 
 from __future__ import annotations

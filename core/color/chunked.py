@@ -8,8 +8,8 @@ last with the whole image; `counting_reruns` counts this.
 
 What, Width, the noise and how much detail there is depend on the whole image. They are measured
 when the function is called, in windows all over the image, unless networks enlarge it, which need
-none of them; small images are looked at for pixel art then; everything else is computed with the result, so that no chunk stays in memory in
-between.
+none of them; small images are looked at for pixel art then. Everything else is computed with the
+result, so that no chunk stays in memory in between.
 
 Only the functions here import dask.
 """

@@ -225,9 +225,7 @@ def _by_offsets(
         return target.values + _solved(space, target, settings)
 
 
-def _share_of_factors(
-    space: TextureSpace, sources: list[_Source], floor: np.float32
-) -> float:
+def _share_of_factors(space: TextureSpace, sources: list[_Source], floor: np.float32) -> float:
     flat = [source.values.reshape(-1, source.values.shape[2]) for source in sources]
     known = [source.confidence[: len(each)] > 0 for source, each in zip(sources, flat, strict=True)]
     return share_of_factors(space, flat, [s.corners for s in sources], known, float(floor))

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pixel art is enlarged by whole pixels, and nothing else is taken for it."""
 
+from itertools import pairwise
+
 import dask.array
 import numpy as np
 import pytest
@@ -97,7 +99,8 @@ def test_antialiased_drawings_and_logos_are_none(fine, side, colors):
 
 def test_gradients_and_even_and_large_images_are_none():
     slope = np.repeat(np.arange(64, dtype=np.uint8)[None, :, None], 64, axis=0)
-    for image in (slope, 4 * slope, np.full((9, 9, 1), 7, np.uint8), np.tile(sprite(1), (22, 22, 1))):
+    even, large = np.full((9, 9, 1), 7, np.uint8), np.tile(sprite(1), (22, 22, 1))
+    for image in (slope, 4 * slope, even, large):
         assert pixel_art(image) == 0.0
 
 
@@ -110,7 +113,7 @@ def test_it_is_so_or_not_by_degrees():
             mixed[row, 1:-1:3] = (image[row, :-2:3].astype(int) + image[row, 2::3]) // 2
         shares.append(pixel_art(mixed))
     assert shares[0] == 1.0
-    assert all(later <= earlier + 0.35 for earlier, later in zip(shares, shares[1:], strict=False))
+    assert all(later <= earlier + 0.35 for earlier, later in pairwise(shares))
     assert any(0.0 < share < 1.0 for share in shares)
 
 
