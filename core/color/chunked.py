@@ -8,8 +8,8 @@ last with the whole image; `counting_reruns` counts this.
 
 What, Width, the noise and how much detail there is depend on the whole image. They are measured
 when the function is called, in windows all over the image, unless networks enlarge it, which need
-none of them; everything else is computed with the result, so that no chunk stays in memory in
-between.
+none of them; small images are looked at for pixel art then. Everything else is computed with the
+result, so that no chunk stays in memory in between.
 
 Only the functions here import dask.
 """
@@ -44,7 +44,7 @@ from ..grid.potential import flow_reach
 from ..settings import BeltramiSettings, ImageSettings
 from .by_width.dials import tell_widths
 from .by_width.images import reach_by_width
-from .by_width.measuring import Measured
+from .by_width.measuring import NOT_MEASURED, Measured
 from .guides import check_guide, checked_guide
 from .image_smoothing import smoothed_image, with_beta
 from .image_steps import (
@@ -60,6 +60,7 @@ from .learned.images import is_learned
 from .learned.recipe import reach
 from .learned.surroundings import CELL
 from .pde import check_kind, evolved
+from .pixel_art import LARGEST_PIXEL_ART, is_for_pixel_art, told_pixel_art
 
 log = logging.getLogger(__name__)
 
@@ -126,6 +127,9 @@ def sharpen_chunks(
         alone = is_enlarged_as_learned(settings, lead is not None)
         if settings.by_width and not settings.is_neutral and not alone:
             found = _measured(pixels, lead, settings, known)
+        if known is None and is_for_pixel_art(settings, lead is not None):
+            share = _pixel_art(pixels, settings)
+            found = [each._replace(pixel_art=share) for each in found or [NOT_MEASURED]]
         margin, halo = _reach_of_sharpening(settings, found, lead is not None)
     function = partial(
         _sharpen_part,
@@ -243,6 +247,13 @@ class _View:
             for part, outer in zip(window, cut, strict=True)
         )
         return opacity_in_range(given[rows, columns], self._alpha)
+
+
+def _pixel_art(pixels: Dask, settings: ImageSettings) -> float:
+    if pixels.shape[0] * pixels.shape[1] >= LARGEST_PIXEL_ART:
+        return 0.0
+    (whole,) = _computed([pixels])
+    return told_pixel_art(checked_image(whole, LARGEST), settings)
 
 
 def _measured(

@@ -20,6 +20,7 @@ from ..settings import ImageSettings, given_or_default
 from .by_width.measuring import Measured
 from .guides import checked_guide
 from .image_steps import LARGEST, large_pixels, measured_whole, opacity_in_range, sharpen_checked
+from .pixel_art import is_for_pixel_art, told_pixel_art
 
 
 @by_keyword
@@ -58,7 +59,8 @@ def sharpen_image(
     -------
     array like `image`
         `ImageSettings.enlarge` times as high and wide. Each value is within the range of the input
-        near it. A time of 0 returns the input bit for bit, or enlarged by a cubic. Opacity (see
+        near it. A time of 0 returns the input bit for bit, or enlarged by a cubic. Pixel art is
+        enlarged by whole pixels, see `color.pixel_art`. Opacity (see
         `ImageSettings.alpha`) is sharpened by itself; it stays where a time or What is given, or a
         guide. Hidden pixels stay hidden. A dask array gives a dask array, computed later chunk
         by chunk, with the same bits; what counts of the whole is measured at once. See
@@ -147,8 +149,11 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
         return measure_chunks(image, settings)
     given = checked_image(image, LARGEST)
     pixels = given.reshape(*given.shape[:2], -1)
+    squares = 0.0
+    if is_for_pixel_art(settings, has_guide=False):
+        squares = told_pixel_art(pixels, settings)
     if settings.enlarge > 1:
         pixels = large_pixels(pixels, settings)
     channels = channel_groups(pixels.shape[2], settings)[0]
     pixels = opacity_in_range(pixels, channels.alpha)
-    return measured_whole(pixels, channels, settings)
+    return measured_whole(pixels, channels, settings)._replace(pixel_art=squares)

@@ -32,6 +32,7 @@ from .learned.images import (
     sharpen_pixels_learned,
     with_detail,
 )
+from .pixel_art import is_for_pixel_art, put_pixels, told_pixel_art
 
 LARGEST = 1e15
 """Beyond, squares of what borders are measured by leave the range of float32."""
@@ -77,17 +78,35 @@ def sharpen_checked(
         with aside("Enlarging"):
             weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
     floats = np.empty_like(large)
-    if is_enlarged_as_learned(settings, lead is not None) and not settings.is_neutral:
-        with phase(0.1, 0.9, "Enlarging"):
-            _enlarge_into(floats, pixels, settings)
-        _mix_into(floats, large, settings, weights)
-    else:
+    squares = 0.0
+    if is_for_pixel_art(settings, lead is not None):
+        squares = _known_pixel_art(known, pixels, settings)
+    learned = is_enlarged_as_learned(settings, lead is not None) and not settings.is_neutral
+    if not (learned or squares > 0):
         with phase(0.1, 1.0, "Sharpening"):
             _filter_into(floats, large, settings, weights, lead, known, part)
+    else:
+        with phase(0.1, 0.9, "Enlarging"):
+            if squares < 1 and learned:
+                _enlarge_into(floats, pixels, settings)
+            elif squares < 1:
+                _filter_into(floats, large, settings.changed(amount=1.0), None, lead, known, part)
+            if squares > 0:
+                alpha = opacity_channel(pixels.shape[2], settings.alpha)
+                put_pixels(pixels, squares, settings.enlarge, alpha, floats)
+        _mix_into(floats, large, settings, weights)
     with aside("Sharpening"):
         scale = SCALES[given.dtype.name]
         for band in blocks(len(floats), BAND):
             target[band] = np.rint(floats[band] / scale) if scale != 1.0 else floats[band]
+
+
+def _known_pixel_art(
+    known: Measured | Sequence[Measured] | None, pixels: npt.NDArray, settings: ImageSettings
+) -> float:
+    if known is None:
+        return told_pixel_art(pixels, settings)
+    return (known if isinstance(known, Measured) else known[0]).pixel_art
 
 
 def large_pixels(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Filter the colors of a surface, as a host program stores them.
 
-Colors are filtered as they are stored, so that reading and writing them changes nothing: byte
-colors as sRGB values, float colors as linear ones. Only red, green and blue take part.
+Colors are filtered as light, as Blender blurs them, whether they are stored as linear floats or as
+sRGB bytes; what does not change keeps its bits. Only red, green and blue take part.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from ..base.checks import LARGEST
 from ..base.progress import ProgressCallback, aside, reporting
+from ..base.srgb import decoded, encoded
 from ..color.signal_sharpening import width_to_close
 from ..errors import InvalidSignal
 from ..mesh.calculus import group_means
@@ -61,13 +62,15 @@ def filter_colors(
         check_colors(surface)
         if surface.corners is None:
             part = welded(surface, weld, surface.colors)
-            values = surface.colors[part.used][part.representatives]
-            new = surface.colors.copy()
+            light = light_of(surface)
+            values = light[part.used][part.representatives]
+            new = light.copy()
             new[part.used] = function(part.mesh, values, mask=part.mask)[part.index]
-            return _repainted(surface, new)
+            return _repainted(surface, _stored(surface, new))
         part = welded(surface, weld)
-        result = function(part.mesh, surface.colors[surface.corners], mask=part.mask)
-        return repainted_corners(surface, surface.corners, result)
+        result = function(part.mesh, light_of(surface)[surface.corners], mask=part.mask)
+        new = _at_corners(light_of(surface), surface.corners, result)
+        return _repainted(surface, _stored(surface, new))
 
 
 def width_of_borders(surface: ColoredSurface, what: str) -> float:
@@ -78,9 +81,9 @@ def width_of_borders(surface: ColoredSurface, what: str) -> float:
     check_colors(surface)
     if surface.corners is not None:
         part = welded(surface, weld=True)
-        return width_to_close(part.mesh, surface.colors[surface.corners], what)
+        return width_to_close(part.mesh, light_of(surface)[surface.corners], what)
     part = welded(surface, True, surface.colors)
-    colors = surface.colors[part.used][part.representatives]
+    colors = light_of(surface)[part.used][part.representatives]
     return width_to_close(part.mesh, colors, what)
 
 
@@ -98,10 +101,23 @@ def repainted_corners(
     surface: ColoredSurface, corners: npt.NDArray[np.int32], values: Colors
 ) -> Recolored:
     """Write the colors of triangle corners back; `corners` has the index of the color of each."""
-    new = surface.colors.copy()
+    return _repainted(surface, _at_corners(surface.colors, corners, values))
+
+
+def light_of(surface: ColoredSurface) -> Colors:
+    """Return the colors as light; bytes are decoded."""
+    return decoded(surface.colors) if surface.levels else surface.colors
+
+
+def _stored(surface: ColoredSurface, light: Colors) -> Colors:
+    return encoded(light) if surface.levels else light
+
+
+def _at_corners(old: Colors, corners: npt.NDArray[np.int32], values: Colors) -> Colors:
+    new = old.copy()
     with aside("Placing colors"):
         group_means(corners.reshape(-1), values.reshape(corners.size, -1), new)
-    return _repainted(surface, new)
+    return new
 
 
 def _repainted(surface: ColoredSurface, new: Colors) -> Recolored:

@@ -13,10 +13,12 @@ import numpy.typing as npt
 from ..base.memo import kept
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
-from ..color.by_width.measuring import Measured
+from ..color.by_width.measuring import NOT_MEASURED, Measured
 from ..color.image_sharpening import measure_image
 from ..color.image_smoothing import with_beta
 from ..color.learned.enlarged_images import is_enlarged_as_learned
+from ..color.pixel_art import pixel_art
+from ..grid.channels import opacity_channel
 from ..grid.enlarge import enlarged
 from ..registry import find
 from ..settings import BY_WIDTH, named, value_of
@@ -58,7 +60,7 @@ def filter_image(
 
 def with_measures(part: HostImage, whole: HostImage, settings: Any) -> HostImage:
     """Return a part of an image with the measurements of the whole."""
-    if not settings.kernel.by_width or is_enlarged_as_learned(settings.kernel, False):
+    if not settings.kernel.by_width:
         return part
 
     def measure() -> Measured:
@@ -67,6 +69,9 @@ def with_measures(part: HostImage, whole: HostImage, settings: Any) -> HostImage
             alpha = "none"
         elif whole.opacity == "NONE" or whole.premultiplied:  # colors count as opacity says
             pixels, alpha = pixels[..., :3], "none"
+        if is_enlarged_as_learned(settings.kernel, False):  # this needs nothing else
+            share = pixel_art(pixels, opacity_channel(pixels.shape[2], alpha))
+            return NOT_MEASURED._replace(pixel_art=share)
         return measure_image(pixels, replace(settings, alpha=alpha))
 
     key = tuple(replace(settings, time=BY_WIDTH, amount=1.0).__dict__.values())

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ..base.progress import ProgressCallback, reporting
 from ..color.signals import luminance, to_own_corners
 from ..flow.potential import flow_field
-from ..host.colors import check_colors
+from ..host.colors import check_colors, light_of
 from ..host.inputs import ColoredSurface, Surface
 from ..host.welding import Welded, welded
 from ..mesh.weld import split_at_jumps
@@ -58,10 +58,10 @@ def flow_of_colors(
         if surface.corners is None:
             part = welded(surface, weld, surface.colors)
             cut = part.mesh
-            values = surface.colors[part.used][part.representatives].astype(np.float64)
+            values = light_of(surface)[part.used][part.representatives].astype(np.float64)
         else:
             part = welded(surface, weld)
-            corners = to_own_corners(part.mesh, surface.colors[surface.corners])
+            corners = to_own_corners(part.mesh, light_of(surface)[surface.corners])
             cut, values = split_at_jumps(part.mesh, corners)
         if settings.channels == "luminance":
             values = luminance(values)

@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from ..base.srgb import Values, decoded
 from ..host.inputs import HostImage
-
-Values = npt.NDArray[np.float32]
 
 
 def screen_colors(image: HostImage, encoded: bool, multiply_encoded: bool) -> Values:
@@ -41,9 +39,3 @@ def screen_colors(image: HostImage, encoded: bool, multiply_encoded: bool) -> Va
 def is_transparent(image: HostImage) -> bool:
     """Whether the fourth channel is opacity."""
     return image.opacity in {"STRAIGHT", "PREMUL"}
-
-
-def decoded(values: Values) -> Values:
-    """Convert sRGB values to linear ones."""
-    curved = ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4
-    return np.where(values <= 0.04045, values / 12.92, curved).astype(np.float32)

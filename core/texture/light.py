@@ -17,21 +17,22 @@ _Single = npt.NDArray[np.float32]
 _ALIKE = 0.2
 """How much counts what remains when all channels have one offset, or one factor."""
 
-_DOUBT = 1.1
-"""Factors may leave more than offsets by so much: they are more usual."""
+_DOUBT = 1.05, 1.1
+"""Up to how many times more than offsets factors may leave to be taken, as they are more usual, and
+from where offsets are."""
 
 
-def differ_by_factors(
+def share_of_factors(
     space: TextureSpace,
     values: Sequence[_Single],
     corners: Sequence[Floats],
     known: Sequence[npt.NDArray[np.bool_]],
     floor: float,
-) -> bool:
-    """Whether a factor explains both sides of each seam, or two pictures, better than an offset.
+) -> float:
+    """Measure whether factors explain both sides of seams, or two pictures, better than offsets.
 
-    What remains is compared in units of the values. Where nothing differs, or there are neither
-    seams nor places that two pictures know, the answer is no.
+    What remains is compared in units of the values, beside the floor, so that rounding does not
+    decide.
 
     Parameters
     ----------
@@ -43,8 +44,14 @@ def differ_by_factors(
     known : sequence of (n,) bool
     floor : float
         Added before logarithms are taken.
+
+    Returns
+    -------
+    float
+        1 if factors do, 0 if offsets do, or where nothing differs and where there are neither seams
+        nor places that two pictures know.
     """
-    by_offsets = by_factors = 0.0
+    by_offsets = by_factors = rounding = 0.0
     for one, other, group in (*_at_seams(space, corners), *_of_pictures(values, known)):
         a, b = np.maximum(one, 0.0) + floor, np.maximum(other, 0.0) + floor
         channels = [(a[:, k], b[:, k], group) for k in range(a.shape[1])]
@@ -53,7 +60,11 @@ def differ_by_factors(
             left = _unexplained(*pairs)
             by_offsets += weight * left[0]
             by_factors += weight * left[1]
-    return by_factors <= _DOUBT * by_offsets and by_offsets > 0
+        rounding += (1.0 + _ALIKE) * floor * a.size
+    if not by_offsets > 0:
+        return 0.0
+    times = (by_factors + rounding) / (by_offsets + rounding)
+    return min(max((_DOUBT[1] - times) / (_DOUBT[1] - _DOUBT[0]), 0.0), 1.0)
 
 
 def _unexplained(a: Floats, b: Floats, group: npt.NDArray[np.intp]) -> tuple[float, float]:

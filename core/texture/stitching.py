@@ -23,7 +23,7 @@ from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import StitchSettings, given_or_default
-from .light import differ_by_factors
+from .light import share_of_factors
 from .normal_maps import checked_normals
 from .texels import (
     Texture,
@@ -128,8 +128,9 @@ def stitch_textures(
     result differs from them by rounding.
 
     Not in the paper: images that differ by factors, as in another light, are stitched as
-    logarithms, where factors are steps. Whether they differ so is seen at seams, and where two
-    images are known: by whether one factor or one offset leaves less there.
+    logarithms, where factors are steps. How far they differ so is seen at seams, and where two
+    images are known: by whether one factor or one offset leaves less there. Where both leave about
+    as much, both results are mixed.
 
     Examples
     --------
@@ -192,26 +193,42 @@ def _stitched(
     labels: npt.ArrayLike | None,
     settings: StitchSettings,
 ) -> _Single:
-    # By offsets, or by factors, which are offsets of logarithms.
+    # By factors, which are offsets of logarithms, and by offsets, as far as either is likely.
     least, floor = _least_and_floor(sources)
-    by = settings.even_out
+    share = {"brightness": 1.0, "difference": 0.0}.get(settings.even_out)
     if settings.content != "values" or least < 0 or floor == 0:
-        by = "difference"
-    if by == "auto":
-        by = "brightness" if _differ_by_factors(space, sources, floor) else "difference"
-    if by == "brightness":
-        sources = [_logarithms(source, floor) for source in sources]
+        share = 0.0
+    if share is None:
+        share = _share_of_factors(space, sources, floor)
+    if share == 0:
+        return _by_offsets(space, sources, labels, settings)
+    with phase(0.0, 1.0 if share == 1 else 0.5, "Stitching"):
+        logarithms = [_logarithms(source, floor) for source in sources]
+        stitched = np.exp(_by_offsets(space, logarithms, labels, settings))
+        stitched = np.maximum(stitched - floor, np.float32(0.0))
+    if share == 1:
+        return stitched
+    with phase(0.5, 1.0, "Stitching"):
+        other = _by_offsets(space, sources, labels, settings)
+    return other + np.float32(share) * (stitched - other)
+
+
+def _by_offsets(
+    space: TextureSpace,
+    sources: list[_Source],
+    labels: npt.ArrayLike | None,
+    settings: StitchSettings,
+) -> _Single:
     with phase(0.0, 0.3, "Comparing texels"):
         target = _target_of(space, sources, labels)
     with phase(0.3, 1.0, "Stitching"):
-        stitched = target.values + _solved(space, target, settings)
-    return np.maximum(np.exp(stitched) - floor, 0.0) if by == "brightness" else stitched
+        return target.values + _solved(space, target, settings)
 
 
-def _differ_by_factors(space: TextureSpace, sources: list[_Source], floor: np.float32) -> bool:
+def _share_of_factors(space: TextureSpace, sources: list[_Source], floor: np.float32) -> float:
     flat = [source.values.reshape(-1, source.values.shape[2]) for source in sources]
     known = [source.confidence[: len(each)] > 0 for source, each in zip(sources, flat, strict=True)]
-    return differ_by_factors(space, flat, [s.corners for s in sources], known, float(floor))
+    return share_of_factors(space, flat, [s.corners for s in sources], known, float(floor))
 
 
 def _least_and_floor(sources: list[_Source]) -> tuple[float, np.float32]:

@@ -77,11 +77,12 @@ def follow_texels_by_width(
     values, channels, settings, result, normals
         As in `sharpen_texels_by_width`.
     """
-    what, width, borders = _measured(atlas, leading, guides, settings)
+    found = _measured(atlas, leading, guides, settings)
+    what, width = found.what, found.width
     if width == 0:
         return
     passes = settings.smoothing_passes
-    plan = plan_of(what, width, borders.noise, passes)
+    plan = plan_of(what, width, found.borders.noise, passes)
     if normals:
         own = flow_only(plan, width, what)._replace(share=plan.share)
     else:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from gpu_extras.batch import batch_for_shader
 
-from ...core.preview.screen_colors import decoded
+from ...core.base.srgb import decoded
 from .pointing import editors_of, is_shown_in
 
 _FRAME = (1.0, 1.0, 1.0, 0.5)

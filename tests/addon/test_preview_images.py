@@ -9,9 +9,10 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import BeltramiSettings, ImageSettings
+from shock_filter.core.base.srgb import decoded
 from shock_filter.core.host.inputs import Denoising, HostImage
 from shock_filter.core.preview.crop import crop_around, filtered_at_once
-from shock_filter.core.preview.screen_colors import decoded, screen_colors
+from shock_filter.core.preview.screen_colors import screen_colors
 from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.data.image import stand_in
 from shock_filter.shock_addon.data.skipped import Refused

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colors on a patch, which previews show, beside those on the whole surface."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import erf
 from shapes import grid
 from shock_filter import core
+from shock_filter.core.base.srgb import decoded, encoded
 from shock_filter.core.host.colors import filter_colors, width_of_borders
 from shock_filter.core.host.inputs import ColoredSurface
 from shock_filter.core.preview.patch import patch_around, whole_surface
@@ -51,6 +54,22 @@ def test_a_patch_with_shorter_edges_shows_what_the_whole_gets(corners, settings)
     assert change.max() > 0.1
     assert np.abs(seen[here] - wanted[here]).mean() < 0.25 * change.mean()
     assert np.array_equal(seen[here.stop :], whole.colors[here.stop :])
+
+
+@pytest.mark.parametrize("corners", [False, True])
+def test_bytes_become_what_floats_of_the_same_light_become(corners):
+    floats = sheets(4.0, 6.0, corners=corners)
+    stored = np.rint(255.0 * encoded(floats.colors)) / np.float32(255.0)
+    bytes_ = replace(floats, colors=stored, levels=255)
+    floats = replace(floats, colors=decoded(stored))
+    settings = core.ShockSettings(what="drawing")
+    wanted = filter_colors(floats, NAME, settings, True)
+    found = filter_colors(bytes_, NAME, settings, True)
+    assert np.abs(found.colors - encoded(wanted.colors)).max() < 0.51 / 255.0
+    assert found.largest_change > 0.1
+    assert width_of_borders(bytes_, "drawing") == width_of_borders(floats, "drawing")
+    kept = filter_colors(bytes_, NAME, core.ShockSettings(amount=0.0), True).colors
+    assert np.array_equal(kept, stored)
 
 
 def test_a_patch_takes_the_width_of_the_whole():

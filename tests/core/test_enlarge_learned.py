@@ -92,7 +92,7 @@ def test_even_parts_stay_bit_for_bit():
 
 def test_hidden_colors_do_not_matter_and_opacity_is_enlarged_as_gray():
     image = soft(20, 22, 4)
-    image[..., 3] = soft(20, 22, seed=3) > 0.5
+    image[..., 3] = np.clip(8.0 * soft(20, 22, seed=3) - 3.5, 0.0, 1.0)
     other = image.copy()
     other[image[..., 3] == 0, :3] = 7.0
     result = enlarged(image, 2)

@@ -97,7 +97,7 @@ def test_borders_close_up_to_the_width_whatever_their_contrast(contrast):
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 45.0])
 def test_the_width_of_a_blurred_edge_is_measured(sigma, degrees):
     for contrast in (1.0, 0.2):
-        _, width, _ = found_in(edge(sigma, contrast, degrees)[0])
+        width = found_in(edge(sigma, contrast, degrees)[0]).width
         assert width == pytest.approx(WIDTH_OF_SIGMA * sigma, rel=0.1)
 
 
@@ -232,19 +232,19 @@ def test_turned_images_give_turned_results():
 def test_large_images_are_measured_in_places():
     image = np.tile(drawing(14), (12, 12, 1))
     image = blurred(image, 2.0)
-    what, width, _ = found_in(image)
+    found = found_in(image)
     part = found_in(np.ascontiguousarray(image[:192, :192]))
-    assert what == part[0] == "drawing"
-    assert width == pytest.approx(part[1], rel=0.05)
+    assert found.what == part.what == "drawing"
+    assert found.width == pytest.approx(part.width, rel=0.05)
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.03])
 def test_noise_is_measured_and_not_sharpened(noise):
     image = blurred(drawing(15), 2.0)
     noisy = image + np.random.default_rng(16).normal(0, noise, image.shape).astype(np.float32)
-    _, width, found = found_in(noisy)
-    assert found.noise == pytest.approx(noise, rel=0.15)
-    assert width == pytest.approx(2 * WIDTH_OF_SIGMA, rel=0.25)
+    found = found_in(noisy)
+    assert found.borders.noise == pytest.approx(noise, rel=0.15)
+    assert found.width == pytest.approx(2 * WIDTH_OF_SIGMA, rel=0.25)
     even = np.full((96, 96, 3), 0.5, np.float32)
     even += np.random.default_rng(17).normal(0, noise, even.shape).astype(np.float32)
     assert by_width(even, what="photo", width=5.0).std() < 1.05 * noise

@@ -364,3 +364,17 @@ def test_noise_has_no_borders(striped, noise):
     mesh = striped[0]
     values = np.random.default_rng(0).normal(0.5, noise, (mesh.vertex_count, 1))
     assert borders.measured(mesh, values).seen == 0
+
+
+def test_borders_stay_crisp_where_three_colors_meet(striped):
+    mesh = striped[0]
+    angles = np.arctan2(mesh.vertices[:, 1], mesh.vertices[:, 0])
+    sectors = ((angles + np.pi) * 3 / (2 * np.pi)).astype(int).clip(0, 2)
+    hard = np.array([[0.8, 0.1, 0.1], [0.1, 0.15, 0.8], [0.9, 0.8, 0.2]])[sectors]
+    soft = calculus.smooth_vertices(mesh, hard, 6)
+    near = np.hypot(*mesh.vertices.T[:2]) < 0.3
+
+    def error(values):
+        return np.sqrt(((values - hard)[near] ** 2).mean())
+
+    assert error(sharpened(mesh, soft)) < 0.6 * error(soft)

@@ -6,6 +6,7 @@ import pytest
 from atlases import Blocks, sample
 from shapes import grid
 from shock_filter import core
+from shock_filter.core.texture import light
 
 
 def picture(n, channels=3):
@@ -310,6 +311,40 @@ def test_charts_that_differ_by_sums_are_told_from_others():
         for by in ("auto", "difference")
     )
     assert (auto == summed).all()
+
+
+def test_between_factors_and_offsets_both_count():
+    blocks, mesh, image = of_square(64)
+    factors, offsets = with_factors(mesh, blocks, image), with_steps(mesh, blocks, image, 0.15)
+    mixed = [
+        np.maximum(share * factors + (1 - share) * offsets, 0.01).astype(np.float32)
+        for share in np.linspace(0.0, 1.0, 9)
+    ]
+
+    def results(broken):
+        return [
+            core.stitch_textures(mesh, blocks.uv, broken, core.StitchSettings(even_out=by))
+            for by in ("auto", "difference", "brightness")
+        ]
+
+    kinds = set()
+    for auto, summed, multiplied in map(results, mixed):
+        low, high = np.minimum(summed, multiplied), np.maximum(summed, multiplied)
+        assert (auto >= low - 1e-5).all()
+        assert (auto <= high + 1e-5).all()
+        kinds.add("sum" if (auto == summed).all() else "product" if (auto == multiplied).all()
+                  else "both")  # fmt: skip
+    assert kinds >= {"sum", "product"}
+
+
+@pytest.mark.parametrize(("off", "share"), [(1.04, 1.0), (1.075, 0.5), (1.2, 0.0)])
+def test_the_share_of_factors_falls_with_what_they_leave(monkeypatch, off, share):
+    monkeypatch.setattr(light, "_at_seams", lambda space, corners: iter([]))
+    monkeypatch.setattr(light, "_unexplained", lambda a, b, group: (1e3, off * 1e3))
+    values = [np.full((4, 1), 0.5, np.float32)] * 2
+    known = [np.ones(4, bool)] * 2
+    found = light.share_of_factors(None, values, [], known, 0.0)
+    assert found == pytest.approx(share, abs=1e-3)
 
 
 def test_values_below_zero_take_differences():

@@ -83,8 +83,8 @@ def follow_pixels_by_width(
 
 
 def _plan(found: Measured, settings: ImageSettings, scale: float) -> Plan:
-    what, width, borders = found
-    plan = plan_of(what, width, borders.noise, settings.smoothing_passes, settings.enlarge)
+    noise, passes = found.borders.noise, settings.smoothing_passes
+    plan = plan_of(found.what, found.width, noise, passes, settings.enlarge)
     return plan._replace(grain=plan.grain / scale)
 
 

@@ -26,11 +26,17 @@ class Measured(NamedTuple):
     width : float
         The width of borders to close; 0 if there are none.
     borders : Borders
+    pixel_art : float
+        How far an image that is enlarged is pixel art, see `color.pixel_art`.
     """
 
     what: str
     width: float
     borders: Borders
+    pixel_art: float = 0.0
+
+
+NOT_MEASURED = Measured("auto", 0.0, Borders())
 
 
 def scale_of(pixels: npt.NDArray) -> float:

@@ -2,7 +2,7 @@
 """Between a mesh's color attributes and arrays.
 
 Byte colors are read and written as the sRGB values that are stored, float colors as the linear
-ones: a value that does not change is stored as the same bits.
+ones: a value that does not change is stored as the same bits. `core.host.colors` filters light.
 """
 
 from __future__ import annotations
