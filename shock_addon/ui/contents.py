@@ -43,6 +43,8 @@ def draw_main(panel: Panel, context: bpy.types.Context) -> None:
         return
     _draw_preparing(layout)
     obstacle = obstacles.of_mode(context, mode, settings)
+    if announced := obstacles.announcement(context, mode, settings):
+        draw_text(layout, context, announced, icon="INFO")
     _draw_buttons(layout, context, mode, enabled=not obstacle)
     # Else Blender draws the first line as the bar that was there, until the mouse moves.
     layout.separator(factor=0.01)
