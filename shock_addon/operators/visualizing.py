@@ -80,7 +80,7 @@ class FlowOperator(FilterOperator):
         image = data.image.sequences.load(folder, f"{target.name} {label}", staged.count)
         repeats = self.loop > 0
         if target.objects and self.add_node:
-            self._notes += data.image.fields.add_nodes(target.objects, image)
+            self._notes += data.image.fields.add_nodes(target.objects, image, activate=True)
             data.image.sequences.play_in_materials(target.objects, image, staged.count, repeats)
         self._show(context, target, image, staged.count, repeats)
         data.image.images.keep(image)
