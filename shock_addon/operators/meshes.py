@@ -170,8 +170,7 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
 
 def _hidden_marks(mesh: bpy.types.Mesh) -> int:
     # How many edges are marked as sharp, if it is shaded flat.
-    smooth = data.arrays.read(mesh.polygons, "use_smooth", dtype=bool).any()
-    return 0 if smooth else data.mesh.shading.count_marks(mesh)
+    return data.mesh.shading.count_marks(mesh) if data.mesh.shading.is_flat(mesh) else 0
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:
