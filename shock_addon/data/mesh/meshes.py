@@ -217,7 +217,7 @@ def read_triangle_corners(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     if len(mesh.loops) == 3 * len(mesh.polygons):  # triangles already: 100 times faster
         return np.arange(len(mesh.loops), dtype=np.int32).reshape(-1, 3)
     mesh.calc_loop_triangles()
-    return arrays.read(mesh.loop_triangles, "loops", 3, np.int32)
+    return arrays.read_triples(mesh.loop_triangles, "loops")
 
 
 def read_triangles(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
