@@ -442,7 +442,8 @@ def test_painting_begins_in_every_engine_and_shading(sheet, over_view, engine, k
     paint("Wood gain", slice(0, SIZE), 1.0)
     result = settled()
     (one,) = painting._running
-    np.testing.assert_array_equal(one.stage._coat._values, result)
+    assert np.abs(result - waves_stored()).max() > 0.01
+    np.testing.assert_allclose(one.stage._coat._values, result, atol=1.5 / 255)
     painting.stop()
     assert one.stage._coat._drawing is None
 
