@@ -23,6 +23,9 @@ from .kinds import DATA, MASK, Data
 
 STEADY_STATE = "steady_state"
 
+_COUNTS = {"widest_fillet": ("where", "creases"), "bump_size": ("method", "automatic")}
+"""Settings that the wheel changes only with a certain choice."""
+
 
 class Preset(Row):
     """A named set of a mode's settings.
@@ -69,7 +72,8 @@ class Target(Row):
         Defaults of settings that differ from the registry's.
     dials : tuple of str or None
         Settings that mouse and wheel change in a preview, empty for none. None for the time and
-        the mode's `second`.
+        the mode's `second`. If a time is given under Advanced, the mouse changes that, and the
+        wheel the first one.
     """
 
     filter: str
@@ -112,17 +116,32 @@ class Target(Row):
 
     def dial(self, parameters: Any) -> str:
         """Name the property that the mouse changes in a preview; empty if there is none."""
-        if self.dials is not None:
-            return self.dials[0] and self.prefix + self.dials[0]
-        is_endless = self.steady_state and getattr(parameters, self.steady_state)
-        if self.time and self.width and not is_endless and getattr(parameters, self.time) < 0:
-            return self.width
-        return self.time
+        if self.dials is None or self.has_time(parameters):
+            return self.time
+        return self.dials[0] and self.prefix + self.dials[0]
 
-    def second(self, of_mode: str) -> str:
+    def second(self, parameters: Any, of_mode: str) -> str:
         """Name the property that the wheel changes; empty if there is none."""
-        name = of_mode if self.dials is None else self.dials[1]
+        if self.dials is None:
+            name = of_mode
+        else:
+            name = self.dials[0] if self.has_time(parameters) else self.dials[1]
+        if name in _COUNTS:
+            choice, word = _COUNTS[name]
+            name = name if getattr(parameters, self.prefix + choice) == word else ""
         return self.prefix + name if name else ""
+
+    def has_time(self, parameters: Any) -> bool:
+        """Whether a time is given, or the steady state, that is no main setting."""
+        if not (self.time and self.fields[self.time].advanced):
+            return False
+        if self.steady_state and getattr(parameters, self.steady_state):
+            return True
+        if getattr(parameters, self.prefix + "method", "beltrami") != "beltrami":
+            return False
+        time = getattr(parameters, self.time)
+        default = describe(self.row.settings)[self.time.removeprefix(self.prefix)][1]
+        return time >= 0 if self.width else time != default
 
     @property
     def steady_state(self) -> str:
@@ -217,9 +236,12 @@ class Mode(Row):
         chosen = getattr(parameters, "target", "")
         return next((each for each in self.targets if each.key == chosen), self.targets[0])
 
-    def makes_objects(self, parameters: Any) -> bool:
-        """Whether parameters ask for new objects, with modifiers and shape keys applied."""
-        return "output" in self.target(parameters).places and parameters.output == "OBJECT"
+    def makes_objects(self, parameters: Any, output: str = "OBJECT") -> bool:
+        """Whether parameters ask for new objects, with modifiers and shape keys applied.
+
+        With the output ``"AUTO"``: whether it depends on the modifiers; see `operators.poll`.
+        """
+        return "output" in self.target(parameters).places and parameters.output == output
 
     def target_in(self, object_mode: str) -> Target | None:
         """Return the first target that the menu of an object mode offers."""
@@ -386,10 +408,9 @@ MODES: list[Mode] = [
         "Move vertices so that rounded creases become sharp",
         "sharpen_geometry",
         "Turn rounded creases into sharp ones: normals flow towards the creases, positions follow",
-        (Target("sharpen_geometry"),),
+        (Target("sharpen_geometry", dials=("amount", "widest_fillet")),),
         "Sharpened",
         "geometry",
-        second="feature_threshold",
         advice="Sharp creases stay as they are; for wide or gentle ones raise Time or lower"
         " Threshold.",
         nothing="Found nothing to sharpen in {meshes}: {changes}, {seconds:.1f} s.",
@@ -439,10 +460,9 @@ MODES: list[Mode] = [
         "Move the colors on the surface so that blurred edges in them become sharp",
         "sharpen_colors",
         "Turn blurred edges between painted colors into sharp ones, without new colors beside them",
-        (Target("sharpen_vertex_signal"),),
+        (Target("sharpen_vertex_signal", dials=("amount", "width")),),
         "Sharpened",
         "colors",
-        second="amount",
         advice="for wider edges raise Width",
         flow="Where colors are pulled: to the edges between them",
         presets=(
@@ -466,10 +486,9 @@ MODES: list[Mode] = [
         "",
         "sharpen_image",
         "Turn blurred edges in an image into sharp ones, without halos beside them",
-        (Target("sharpen_image"),),
+        (Target("sharpen_image", dials=("amount", "width")),),
         "Sharpened",
         "images",
-        second="amount",
         advice="for wider edges raise Width",
         about_in_images="Sharpen it as a flat picture",
         presets=(
@@ -500,10 +519,9 @@ MODES: list[Mode] = [
         " edges in it become sharp",
         "sharpen_texture",
         "Turn blurred edges in a texture into sharp ones, on the surface and across UV seams",
-        (Target("sharpen_texture"),),
+        (Target("sharpen_texture", dials=("amount", "width")),),
         "Sharpened",
         "textures",
-        second="amount",
         announced="Will sharpen: {}",
         advice="for wider edges raise Width",
         about_in_images="Sharpen it on the surface of the selected objects that show it, across"

@@ -53,6 +53,8 @@ def _same(first: Any, second: Any) -> bool:
     return bool(first == second)
 
 
-def _bits(array: npt.NDArray) -> npt.NDArray[np.uint8]:
-    # 0.0 and -0.0 are equal numbers, but results keep the sign.
-    return np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+def _bits(array: npt.NDArray) -> npt.NDArray[np.unsignedinteger]:
+    # 0.0 and -0.0 are equal numbers, but results keep the sign. Wide integers compare faster.
+    width = array.dtype.itemsize
+    kind = f"u{width}" if width in {4, 8} else "u1"
+    return np.ascontiguousarray(array).reshape(-1).view(kind)

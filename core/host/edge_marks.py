@@ -33,7 +33,15 @@ class CreaseEdges:
 
     def among(self, ends: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
         """Tell which edges, given by their vertices (e, 2), they are: (e,)."""
-        return np.isin(_keys(self.places[ends]), _keys(self.pairs))
+        found = np.zeros(len(ends), dtype=bool)
+        if len(self.pairs):
+            # Of few edges both ends are at creases, and the others are told quickly.
+            at_creases = np.zeros(self.places.max(initial=0) + 2, dtype=bool)
+            at_creases[self.pairs] = True
+            vertices = at_creases[self.places]
+            near = np.flatnonzero(vertices[ends[:, 0]] & vertices[ends[:, 1]])
+            found[near] = np.isin(_keys(self.places[ends[near]]), _keys(self.pairs))
+        return found
 
     def owners_among(
         self, ends: npt.NDArray[np.integer], owners: npt.NDArray[np.intp]

@@ -56,6 +56,9 @@ _SIZE = 48
 _SOLVED = 160
 """Height of textures for solvers, which gives three levels."""
 
+_BORDERS = 4.0
+"""Width of borders, where one is given."""
+
 _FRAMES = 4
 """Number of frames."""
 
@@ -149,8 +152,11 @@ def _settings(row: Filter) -> Iterator[Any]:
     for name, (_, default, about) in fields.items():
         changes += [{name: value} for value in about.rehearsed if value != default]
         words = [word for word in about.choices if word != default]
-        # What has code of its own where no time is given.
-        changes += [{**({} if name == "what" else short), name: word} for word in words]
+        # What has code of its own where no time is given, and borders are found or given.
+        given: list[dict[str, Any]] = [short]
+        if name == "what":
+            given = [{}, {named(row.settings, "width"): _BORDERS}]
+        changes += [{**each, name: word} for word in words for each in given]
     for change in changes:
         settings = row.settings(**{**brief, **change})
         yield Denoising(settings, None) if row.then else settings

@@ -54,6 +54,9 @@ _FILLET = 1.25
 _WALL = 2.0
 """Edges between two sides of the surface up to which a place is too thin."""
 
+_AT_ONCE = 1024
+"""Vertices around which walls are looked for at once."""
+
 _OPPOSITE = -0.7
 """Cosine of the angle between the normals of two such sides, at most."""
 
@@ -336,10 +339,15 @@ def _with_reasons(
 def _thin_vertices(mesh: TriangleMesh, vertices: npt.NDArray[np.intp], normals: Floats) -> Bools:
     # Whether a side of the surface lies close by that faces the other way than one at the vertex.
     centers = mesh.scaled_vertices[mesh.faces].mean(axis=1)
-    near = cKDTree(centers).query_ball_point(mesh.scaled_vertices[vertices], _WALL + 1.0)
+    tree = cKDTree(centers)
     thin = np.zeros(len(vertices), dtype=bool)
     start, corners = mesh.corners
-    for i, (v, faces) in enumerate(zip(vertices, near, strict=True)):
+    for i, v in enumerate(vertices):
+        if i % _AT_ONCE == 0:  # of all at once, no other thread could go on meanwhile
+            ask()
+            points = mesh.scaled_vertices[vertices[i : i + _AT_ONCE]]
+            near = tree.query_ball_point(points, _WALL + 1.0)
+        faces = near[i % _AT_ONCE]
         around = normals[corners[start[v] : start[v + 1]] // 3]
         others = np.asarray(faces)
         away = centers[others] - mesh.scaled_vertices[v]

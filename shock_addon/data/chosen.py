@@ -11,6 +11,14 @@ from .skipped import Skipped
 CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 """Types of objects that Blender can convert to meshes."""
 
+FLOW_MAP = "shock_filter_flow_map"
+"""Key of the flow map that an image sequence shows, among the sequence's own properties."""
+
+_MAKES_FACES = {"REMESH", "BOOLEAN", "BEVEL", "SUBSURF", "NODES"}
+_KEEPS_FACES = {"WEIGHTED_NORMAL", "NORMAL_EDIT", "TRIANGULATE"}
+_SMOOTH_BY_ANGLE = "Smooth by Angle"
+"""The node group that Shade Auto Smooth adds, which marks edges only."""
+
 _REFUSED = {
     "MOVIE": "it is a movie; save the frame as an image and open that",
     "SEQUENCE": "it is an image sequence; open its files one by one as single images",
@@ -32,6 +40,22 @@ def mesh_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
     return sorted(meshes, key=lambda obj: obj != context.object)
 
 
+def modifier_on_top(obj: bpy.types.Object) -> bpy.types.Modifier | None:
+    """Return the last modifier that is shown, if it makes faces that the mesh does not have.
+
+    It is one of the kinds Remesh, Boolean, Bevel, Subdivision and Geometry Nodes; those above it
+    that leave the shape as it is do not count.
+    """
+    shown = [each for each in obj.modifiers if each.show_viewport and not _keeps_faces(each)]
+    return shown[-1] if shown and shown[-1].type in _MAKES_FACES else None
+
+
+def _keeps_faces(modifier: bpy.types.Modifier) -> bool:
+    if modifier.type != "NODES":
+        return modifier.type in _KEEPS_FACES
+    return modifier.node_group is None or modifier.node_group.name.startswith(_SMOOTH_BY_ANGLE)
+
+
 def mesh_users(context: bpy.types.Context) -> list[bpy.types.Object]:
     """List these objects without those that share the mesh of an earlier one."""
     users: dict[bpy.types.Mesh, bpy.types.Object] = {}
@@ -49,6 +73,12 @@ def in_image_editor(context: bpy.types.Context) -> bool:
 def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
     """Return the image that the Image Editor shows, if the context is one."""
     return context.space_data.image if in_image_editor(context) else None
+
+
+def flow_map_of(image: bpy.types.Image) -> bpy.types.Image:
+    """Return the flow map that an image sequence shows, if one is known; else the image itself."""
+    source = image.get(FLOW_MAP) if image.source == "SEQUENCE" else None
+    return source if isinstance(source, bpy.types.Image) else image
 
 
 def subjects(context: bpy.types.Context) -> set[int]:

@@ -134,7 +134,7 @@ def _draw_time(
 def _overridden(parameters: Parameters, target: Target, name: str) -> bool:
     """Whether a time overrides a setting."""
     by_width = (f"{target.prefix}what", target.width)
-    return name in by_width and bool(target.width) and target.dial(parameters) == target.time
+    return name in by_width and bool(target.width) and target.has_time(parameters)
 
 
 def draw_mask(

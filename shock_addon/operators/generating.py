@@ -48,6 +48,7 @@ class GenerateOperator(FilterOperator):
             if self.add_node:
                 self._notes += data.image.fields.add_nodes(target.objects, image)
             data.image.images.keep(image)
+            data.image.linking.note(image)
         return written, skipped
 
     def _write_one(self, target: Any, result: Any) -> bpy.types.Image:

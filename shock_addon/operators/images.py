@@ -89,15 +89,20 @@ class OneImageOperator(FilterOperator):
         parts = self.parts(target, result)
         self._parts.append(parts)
         new = {number: part.colors for number, part in parts.items()}
+        suffix = self.row.done.lower()
+        is_changed = any(part.changed for part in parts.values())
+        if not is_changed and (
+            self.output == "REPLACE" or data.image.images.is_result(source, suffix)
+        ):
+            return source  # one more copy would be of no use
         if self.output == "NEW":
-            image = data.image.images.add_or_reuse(source, self.row.done.lower(), used, new)
+            image = data.image.images.add_or_reuse(source, suffix, used, new)
             self.show(target, source, image)
             for each in (source, image):
                 data.image.images.keep(each)
             return image
-        if any(part.changed for part in parts.values()):
-            digest = data.image.images.overwrite(source, target.parts, new)
-            self._digests[target.image_uid] = digest
+        digest = data.image.images.overwrite(source, target.parts, new)
+        self._digests[target.image_uid] = digest
         return source
 
     def _swaps(
@@ -129,9 +134,11 @@ class OneImageOperator(FilterOperator):
     def unchanged(self, facts: dict[str, Any]) -> str:
         """Return the report if no pixel has changed."""
         text = pgettext_rpt(
-            "Nothing in {old} has changed: {changes}, {seconds:.1f} s."
-            if facts["new"] == facts["old"]
-            else "Nothing in {old} has changed, and {new} equals it: {changes}, {seconds:.1f} s."
+            "Nothing in {old} has changed, and {new} equals it: {changes}, {seconds:.1f} s."
+            if facts["new"] != facts["old"]
+            else "Nothing in {old} has changed, so no copy was made: {changes}, {seconds:.1f} s."
+            if self.output == "NEW"
+            else "Nothing in {old} has changed: {changes}, {seconds:.1f} s."
         )
         return text.format(**facts)
 

@@ -32,18 +32,26 @@ class MeshOperator(FilterOperator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects, or those in the current object mode."""
-        visible = self.row.makes_objects(self)
-        return data.mesh.meshes.read_targets(context, self.kind.read, self, visible=visible)
+        return data.mesh.meshes.read_targets(
+            context, self.kind.read, self, is_seen=partial(obstacles.makes_object, self.row, self)
+        )
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write all objects, and return to the current object mode."""
         write: Any = partial(self.kind.write, key_name=self.row.done)
-        if self.row.makes_objects(self):
-            suffix = self.row.done.lower()
-            write = partial(data.mesh.visible.write_new, write=write, suffix=suffix)
+        write_new = partial(
+            data.mesh.visible.write_new,
+            write=write,
+            suffix=self.row.done.lower(),
+            only_changed=self.row.makes_objects(self, "AUTO"),
+        )
+
+        def write_one(target: Any, result: Any) -> bpy.types.Object:
+            return write_new(target, result) if target.is_seen else write(target, result)
+
         with data.mesh.meshes.object_mode(context):
             swaps = data.replaced.of_meshes(self.targets)
-            done = write_results(self.targets, results, write)
+            done = write_results(self.targets, results, write_one)
             for swap in swaps:
                 swap.note_after()
             data.replaced.hold(swaps)
@@ -71,7 +79,9 @@ class MeshOperator(FilterOperator):
         if not kind.paints:
             changes = describe_moves(results, "" if self.row.nothing else self.row.advice)
             if self.row.nothing and not any(result.moved for result in results):
-                has_modifiers = any(each.data.modifiers for each in written)
+                has_modifiers = any(
+                    each.data.modifiers and not each.target.is_seen for each in written
+                )
                 advice = _APPLY if has_modifiers else self.advice
                 text = pgettext_rpt(self.row.nothing)
                 advice = advice and pgettext_rpt(advice)
@@ -94,10 +104,15 @@ class MeshOperator(FilterOperator):
         """Return remarks on modifiers and shape keys, if vertices may have moved."""
         if not self.kind.moves:
             return ""
-        said = notes([each.data for each in written], self)
-        if not self.row.makes_objects(self):
+        new = [each.data for each in written if each.data.session_uid != each.target.object_uid]
+        same = [each.data for each in written if each.target.is_seen and each.data not in new]
+        said = notes([each.data for each in written if each.data not in same], self)
+        if same and not new:
+            text = pgettext_rpt("Nothing has changed, so no new object was made.")
+            return f"{text} {said}".rstrip()
+        if not new:
             return said
-        names = ", ".join(each.data.name for each in written)
+        names = ", ".join(obj.name for obj in new)
         hidden = pgettext_rpt("New: {names}; the originals are hidden.").format(names=names)
         return f"{hidden} {said}".rstrip()
 
@@ -143,7 +158,7 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
             "Edges marked as sharp: {count:,}; that shows on smooth faces only, use Shade Smooth."
         )
         found.append(text.format(count=hidden))
-    for obj in objects if parameters.output == "MESH" else []:
+    for obj in objects if parameters.output in {"MESH", "AUTO"} else []:
         key = obj.active_shape_key
         if key is not None and key.value == 0.0 and not _shows_key(obj, key):
             text = pgettext_rpt(
@@ -155,8 +170,7 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
 
 def _hidden_marks(mesh: bpy.types.Mesh) -> int:
     # How many edges are marked as sharp, if it is shaded flat.
-    smooth = data.arrays.read(mesh.polygons, "use_smooth", dtype=bool).any()
-    return 0 if smooth else data.mesh.shading.count_marks(mesh)
+    return data.mesh.shading.count_marks(mesh) if data.mesh.shading.is_flat(mesh) else 0
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:

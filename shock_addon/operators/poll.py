@@ -38,7 +38,8 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     if handled_as == "fields":
         return of_unwrapped(context)
     obstacle = of_meshes(context)
-    if mode.makes_objects(settings):  # the evaluated object may have faces
+    seen = [obj for obj in data.chosen.mesh_objects(context) if makes_object(mode, settings, obj)]
+    if seen or mode.makes_objects(settings):  # the evaluated object may have faces
         if context.mode != "OBJECT":
             obstacle = "New objects are made in Object Mode; go there, or choose another output."
     else:
@@ -46,6 +47,30 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     if not obstacle and mode.target(settings).data.paints:
         obstacle = _of_colors(context)
     return obstacle
+
+
+def makes_object(mode: Mode, parameters: Any, obj: bpy.types.Object) -> bool:
+    """Whether what is seen of an object goes into a new one, by choice or by its modifiers."""
+    if mode.makes_objects(parameters):
+        return True
+    is_auto = mode.makes_objects(parameters, "AUTO") and obj.mode == "OBJECT"
+    return is_auto and data.chosen.modifier_on_top(obj) is not None
+
+
+def announcement(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
+    """Say before a press that the output Auto will make new objects; empty if it will not.
+
+    Parameters
+    ----------
+    context, mode, settings
+        As in `of_mode`.
+    """
+    if mode.data.handled_as != "meshes" or not mode.makes_objects(settings, "AUTO"):
+        return ""
+    objects = data.chosen.mesh_objects(context) if context.mode == "OBJECT" else []
+    found = [top.name for obj in objects if (top := data.chosen.modifier_on_top(obj)) is not None]
+    text = "New Object: {name} is on top, so what is seen is filtered and the original hidden."
+    return pgettext_rpt(text).format(name=", ".join(dict.fromkeys(found))) if found else ""
 
 
 def of_meshes(context: bpy.types.Context) -> str:
@@ -107,7 +132,7 @@ def _of_flow(context: bpy.types.Context, settings: Any) -> str:
         image = bpy.data.images.get(settings.image)
     if image is None:
         return "Choose a flow map, or open one in the Image Editor."
-    return _of_image(image, tiles=False)
+    return _of_image(data.chosen.flow_map_of(image), tiles=False)
 
 
 def _of_links(context: bpy.types.Context) -> str:

@@ -112,7 +112,7 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
     )
 
 
-def _output(*items: tuple[str, str, str]) -> Any:
+def _output(*items: tuple[Any, ...]) -> Any:
     return bpy.props.EnumProperty(name="Output", items=items, default=items[0][0])
 
 
@@ -120,22 +120,33 @@ def _weld(description: str) -> Any:
     return bpy.props.BoolProperty(name="Weld", description=description, default=True)
 
 
+# Files keep the numbers.
 _MESH_OUTPUT = _output(
+    (
+        "AUTO",
+        "Auto",
+        "New Object in Object Mode where a Remesh, Boolean, Bevel, Subdivision or Geometry Nodes"
+        " modifier is on top, so that what is seen is filtered; else Mesh",
+        3,
+    ),
     (
         "MESH",
         "Mesh",
         "Move the vertices; on a mesh with shape keys, those of the active key",
+        0,
     ),
     (
         "SHAPE_KEY",
         "New Shape Key",
         "Keep the mesh and put the new shape into a new shape key, whose value sets the strength",
+        1,
     ),
     (
         "OBJECT",
         "New Object",
         "Put what is seen, with modifiers and shape keys applied, into a new object in the same"
         " place, and hide the original",
+        2,
     ),
 )
 

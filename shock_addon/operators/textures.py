@@ -99,6 +99,11 @@ class TextureOperator(OneImageOperator):
 
     def notes(self, written: list[Written]) -> str:
         """Return the names of the other maps, and remarks on the UV map."""
-        others = ", ".join(each.data.name for each in written[1:])
+        changed = [
+            each
+            for each in written[1:]
+            if self.output == "REPLACE" or each.data.session_uid != each.target.image_uid
+        ]
+        others = ", ".join(each.data.name for each in changed)
         text = pgettext_rpt("With it: {names}.").format(names=others) if others else ""
         return " ".join(filter(None, [text, *dict.fromkeys(self._notes)]))

@@ -50,12 +50,12 @@ class FlowOperator(FilterOperator):
             image = data.chosen.edited_image(context)
             if image is None:
                 raise Refused("Choose a flow map, or open one in the Image Editor.")
-            return image
+            return data.chosen.flow_map_of(image)
         image = bpy.data.images.get(self.image)
         if image is None:
             text = "There is no image named {name!r}; choose one of the file's images."
             raise Refused(text, name=self.image)
-        return image
+        return data.chosen.flow_map_of(image)
 
     def _read_surface(self, context: bpy.types.Context) -> tuple[Any, list[str]]:
         settings, colors = None, ""
@@ -80,7 +80,7 @@ class FlowOperator(FilterOperator):
         image = data.image.sequences.load(folder, f"{target.name} {label}", staged.count)
         repeats = self.loop > 0
         if target.objects and self.add_node:
-            self._notes += data.image.fields.add_nodes(target.objects, image)
+            self._notes += data.image.fields.add_nodes(target.objects, image, activate=True)
             data.image.sequences.play_in_materials(target.objects, image, staged.count, repeats)
         self._show(context, target, image, staged.count, repeats)
         data.image.images.keep(image)
@@ -89,11 +89,15 @@ class FlowOperator(FilterOperator):
     def _show(
         self, context: bpy.types.Context, target: Any, image: bpy.types.Image, *how: Any
     ) -> None:
-        """Show the sequence in the Image Editor instead of its flow map."""
+        """Show the sequence in the Image Editor instead of its flow map, or of an earlier one."""
         source = next((i for i in bpy.data.images if i.session_uid == target.image_uid), None)
-        space = context.space_data
-        if source is None or not data.chosen.in_image_editor(context) or space.image != source:
+        if source is None:
             return
+        image[data.chosen.FLOW_MAP] = source
+        shown = data.chosen.edited_image(context)
+        if shown is None or data.chosen.flow_map_of(shown) != source:
+            return
+        space = context.space_data
         data.shown.show(space, source, image, again=False)
         data.image.sequences.play(space.image_user, *how)
 
@@ -119,5 +123,6 @@ class FlowOperator(FilterOperator):
         )
 
     def notes(self, written: list[Written]) -> str:
-        """Return remarks on where the image could not be shown."""
-        return " ".join(dict.fromkeys(self._notes))
+        """Return how it is played, and remarks on where the image could not be shown."""
+        play = pgettext_rpt("Press Space to play it.")
+        return " ".join([play, *dict.fromkeys(self._notes)])

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drawing of grays on a surface in the 3D views; objects and materials are not changed."""
+"""Drawing of an image on a surface in the 3D views; objects and materials are not changed."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -31,27 +32,40 @@ void main()
   ivec2 first = (ivec2(floor(at)) + size) % size;
   ivec2 next = (first + 1) % size;
   vec2 share = fract(at);
-  float below = mix(texelFetch(pixels, first, 0).r,
-                    texelFetch(pixels, ivec2(next.x, first.y), 0).r, share.x);
-  float above = mix(texelFetch(pixels, ivec2(first.x, next.y), 0).r,
-                    texelFetch(pixels, next, 0).r, share.x);
-  float gray = mix(below, above, share.y);
-  // Colors are linear here, and grays are to look as they do in the Image Editor.
-  result = vec4(vec3(shade * pow(gray, 2.2)), 1.0);
+  vec3 below = mix(texelFetch(pixels, first, 0).rgb,
+                   texelFetch(pixels, ivec2(next.x, first.y), 0).rgb, share.x);
+  vec3 above = mix(texelFetch(pixels, ivec2(first.x, next.y), 0).rgb,
+                   texelFetch(pixels, next, 0).rgb, share.x);
+  vec3 color = max(mix(below, above, share.y), 0.0);
+  // Colors are linear here, and are to look as they do in the Image Editor.
+  result = vec4(shade * pow(color, vec3(gamma)), 1.0);
 }
 """
 
 
+_GAMMA = 2.2
+
+
 class Coat:
-    """Draws values on faces, from `show` until `end`.
+    """Draws pixels on faces, from `show` until `end`.
 
     Parameters
     ----------
     faces : TexturedFaces
+    encoded : bool
+        Whether pixels are stored with a gamma, as bytes are; else they are linear.
+    draws_into : callable, optional
+        ``draws_into(space)`` says which 3D views it is drawn into; default: all.
     """
 
-    def __init__(self, faces: TexturedFaces) -> None:
+    def __init__(
+        self,
+        faces: TexturedFaces,
+        encoded: bool = True,
+        draws_into: Callable[[bpy.types.SpaceView3D], bool] = lambda space: True,
+    ) -> None:
         self._faces = faces
+        self._gamma, self._draws_into = _GAMMA if encoded else 1.0, draws_into
         self._values: npt.NDArray[np.float32] | None = None
         self._batch: Any = None
         self._shader: Any = None
@@ -61,7 +75,7 @@ class Coat:
         )
 
     def show(self, values: npt.NDArray[np.float32] | None) -> None:
-        """Draw (h, w) values from 0 to 1, row 0 at v = 0; None draws nothing."""
+        """Draw (h, w) grays or (h, w, channels), row 0 at v = 0; None draws nothing."""
         self._values, self._texture = values, None
         views.redraw()
 
@@ -73,7 +87,7 @@ class Coat:
             views.redraw()
 
     def _draw(self) -> None:
-        if self._values is None:
+        if self._values is None or not self._draws_into(bpy.context.space_data):
             return
         if self._shader is None:
             self._shader = _shader()
@@ -84,6 +98,7 @@ class Coat:
         nearer = views.lifted(gpu.matrix.get_projection_matrix(), view)
         self._shader.bind()
         self._shader.uniform_sampler("pixels", self._texture)
+        self._shader.uniform_float("gamma", self._gamma)
         self._shader.uniform_float("to_clip", nearer @ gpu.matrix.get_model_view_matrix())
         self._shader.uniform_float("towards", view.view_matrix.inverted().col[2].xyz)
         gpu.state.depth_test_set("LESS_EQUAL")
@@ -109,10 +124,12 @@ def _corners(faces: TexturedFaces) -> dict[str, npt.NDArray[np.float32]]:
 
 
 def _texture(values: npt.NDArray[np.float32]) -> Any:
-    height, width = values.shape
-    flat = np.ascontiguousarray(values, dtype=np.float32).reshape(-1)
-    buffer = gpu.types.Buffer("FLOAT", flat.size, flat)
-    return gpu.types.GPUTexture((width, height), format="R32F", data=buffer)
+    height, width = values.shape[:2]
+    channels = values.reshape(height, width, -1)
+    flat = np.ones((height, width, 4), dtype=np.float32)
+    flat[..., :3] = channels[..., :3] if channels.shape[2] > 2 else channels[..., :1]
+    buffer = gpu.types.Buffer("FLOAT", flat.size, flat.reshape(-1))
+    return gpu.types.GPUTexture((width, height), format="RGBA32F", data=buffer)
 
 
 def _shader() -> Any:
@@ -128,6 +145,7 @@ def _shader() -> Any:
     info.sampler(0, "FLOAT_2D", "pixels")
     info.push_constant("MAT4", "to_clip")
     info.push_constant("VEC3", "towards")
+    info.push_constant("FLOAT", "gamma")
     info.vertex_source(_VERTICES)
     info.fragment_source(_PIXELS)
     return gpu.shader.create_from_info(info)

@@ -5,14 +5,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
+import blf
 import bpy
 import numpy as np
+from bpy.app.translations import pgettext_iface as iface_
 
 from .. import data
 from ..modes import Mode
+from .coat import Coat
+from .painting import HINT
 from .previewing import Preview, parameters_of
 
 _SHARE = 5
@@ -32,6 +37,10 @@ class _Stage:
         self._surface = replace(surface, is_tried=True)
         self._stand_in = data.image.stand_in.StandIn(image)
         self._stand_in.show(surface.picture.pixels)
+        self._coat = Coat(surface.faces, not image.is_float, is_workbench)
+        self._hint: Any = bpy.types.SpaceView3D.draw_handler_add(
+            _draw_hint, (), "WINDOW", "POST_PIXEL"
+        )
         self._painted = data.arrays.read_pixels(gain_map)
 
     def settings(self, settings: Any) -> Any:
@@ -56,6 +65,7 @@ class _Stage:
     def show(self, pixels: Any) -> None:
         """Show the result on the model."""
         self._stand_in.show(pixels)
+        self._coat.show(pixels)
 
     def lost(self) -> bool:
         """Return whether the image, its map or its stand-in is gone."""
@@ -64,24 +74,35 @@ class _Stage:
     def end(self) -> None:
         """Show the original texture."""
         self._stand_in.end()
+        self._coat.end()
+        if self._hint is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._hint, "WINDOW")
+            self._hint = None
 
 
 class Painting:
-    """A session of painting a gain map."""
+    """A session of painting a gain map; if it cannot begin, all is as it was."""
 
     def __init__(self, context: bpy.types.Context, mode: Mode) -> None:
         self._mode, self._scene = mode, context.scene.name
         settings = getattr(context.scene.shock_filter, mode.key)
         image = data.chosen.chosen_image(context, settings.image)
-        gain_map = bpy.data.images.get(settings.gain_map) or _new_map(image)
-        parameters = parameters_of(context.scene, mode)
-        parameters.gain_map = gain_map.name
-        target, _ = data.image.textures.read_texture(context, image, parameters, True)
-        # Otherwise the painted image would be taken for the texture, or the stand-in for the image.
-        settings.image, settings.gain_map = image.name, gain_map.name
-        _paint_on(context, gain_map)
-        self.stage = _Stage(image, gain_map, target.surface)
-        self.preview = Preview(mode, parameters, self.stage)
+        with ExitStack() as undo:
+            gain_map = bpy.data.images.get(settings.gain_map)
+            if gain_map is None:
+                gain_map = _new_map(image)
+                undo.callback(bpy.data.images.remove, gain_map)
+            parameters = parameters_of(context.scene, mode)
+            parameters.gain_map = gain_map.name
+            target, _ = data.image.textures.read_texture(context, image, parameters, True)
+            _keep(undo, settings, "image", "gain_map")
+            # Else the painted image would be taken for the texture, or the stand-in for the image.
+            settings.image, settings.gain_map = image.name, gain_map.name
+            _paint_on(context, gain_map, undo)
+            self.stage = _Stage(image, gain_map, target.surface)
+            undo.callback(self.stage.end)
+            self.preview = Preview(mode, parameters, self.stage)
+            undo.pop_all()
         self._strokes, self._next_look = 0, 0.0
 
     def tick(self) -> None:
@@ -122,14 +143,48 @@ def _new_map(image: bpy.types.Image) -> bpy.types.Image:
     return gain_map
 
 
-def _paint_on(context: bpy.types.Context, gain_map: bpy.types.Image) -> None:
+def _keep(undo: ExitStack, owner: Any, *names: str) -> None:
+    """Set properties back if painting cannot begin."""
+    for name in names:
+        undo.callback(setattr, owner, name, getattr(owner, name))
+
+
+def _paint_on(context: bpy.types.Context, gain_map: bpy.types.Image, undo: ExitStack) -> None:
     paint = context.tool_settings.image_paint
+    _keep(undo, paint, "canvas", "mode")
     paint.mode, paint.canvas = "IMAGE", gain_map
-    if context.mode != "PAINT_TEXTURE":
+    mode = context.object.mode
+    if mode != "TEXTURE_PAINT":
+        undo.callback(lambda: bpy.ops.object.mode_set(mode=mode))
         bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
     shading = getattr(context.space_data, "shading", None)
-    if shading is not None and shading.type in {"SOLID", "WIREFRAME"}:
+    if shading is None or shading.type not in {"SOLID", "WIREFRAME"}:
+        return
+    _keep(undo, shading, "color_type", "type")
+    try:
         shading.type = "MATERIAL"
+    except TypeError:  # Workbench has none, nor have other engines
+        shading.type, shading.color_type = "SOLID", "TEXTURE"
+
+
+def is_workbench(space: bpy.types.SpaceView3D) -> bool:
+    """Whether a 3D view is drawn by Workbench, which shows what is painted on, not the material."""
+    engine = bpy.context.scene.render.engine
+    kind = space.shading.type
+    return kind == "SOLID" or (kind == "RENDERED" and engine == "BLENDER_WORKBENCH")
+
+
+def _draw_hint() -> None:
+    """Say at the lower right what black and white do."""
+    context, font = bpy.context, 0
+    scale = context.preferences.system.ui_scale
+    sides = [region.width for region in context.area.regions if region.type == "UI"]
+    text = iface_(HINT)
+    blf.size(font, 12 * scale)
+    blf.color(font, *context.preferences.themes[0].view_3d.space.text_hi, 1.0)
+    x = context.region.width - sum(sides) - 24 * scale - blf.dimensions(font, text)[0]
+    blf.position(font, max(x, 0.0), 24 * scale, 0.0)
+    blf.draw(font, text)
 
 
 def is_brush_down() -> bool:

@@ -17,6 +17,7 @@ from .. import data
 from ..data.mesh.original import Original, color_attribute, show
 from ..data.skipped import Refused, Skipped
 from ..modes import Mode
+from ..operators.poll import makes_object
 from .outline import Outline
 from .pointing import is_over_view, pointed_at
 from .previewing import Preview, parameters_of
@@ -98,13 +99,13 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
         If it cannot be read, or has no faces under the mouse.
     """
     parameters = parameters_of(context.scene, mode)
-    if mode.makes_objects(parameters):
+    if makes_object(mode, parameters, context.object):
         if context.object.modifiers or context.object.data.shape_keys is not None:
             raise Refused(
                 "Preview shows the mesh without its modifiers and shape keys; choose another"
                 " output, or press the filter's own button."
             )
-        parameters.output = "MESH"
+        parameters.output = "MESH"  # what a new object would show
     chosen = mode.target(parameters)
     targets, skipped = data.mesh.meshes.read_active(context, chosen.data.read, parameters)
     if not targets:

@@ -83,9 +83,9 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     bl_label = "Preview"
     bl_description = (
         "Try settings on the active object or on the image, seen at once: move the mouse to the"
-        " right for more Width or Time, turn the wheel for the second setting, hold Shift for small"
-        " steps; B shows what was there before, and the result again. Click or Enter applies them,"
-        " to all that is selected, right click or Esc leaves everything as it was. Of large"
+        " right for more Amount or Strength, turn the wheel for the second setting, hold Shift for"
+        " small steps; B shows what was there before, and the result again. Click or Enter applies"
+        " them, to all that is selected, right click or Esc leaves everything as it was. Of large"
         " meshes and images a patch is computed, around what the mouse or the view points at"
     )
     bl_options = {"BLOCKING", "GRAB_CURSOR_X"}

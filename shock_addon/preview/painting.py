@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _INTERVAL = 0.05
 _STAND_IN = ".shock_filter preview"  # as in data.image.stand_in, which needs numpy
 
+HINT = "White raises detail, black smooths it, middle gray keeps it. Paint Gain again ends."
+
 _running: list[Painting] = []
 
 
@@ -35,8 +37,8 @@ class SHOCK_FILTER_OT_paint_gain(bpy.types.Operator):
     bl_label = "Paint Gain"
     bl_description = (
         "Paint where detail is raised, with white, and where it is smoothed, with black; middle"
-        " gray keeps it. The model shows the result in Material Preview after each stroke, and"
-        " while settings are changed. Makes a gain map if none is chosen. Press again to end"
+        " gray keeps it. The model shows the result after each stroke, and while settings are"
+        " changed. Makes a gain map if none is chosen. Press again to end"
     )
     bl_options = {"UNDO"}  # else undoing the first stroke would take the map away
 
@@ -60,6 +62,7 @@ class SHOCK_FILTER_OT_paint_gain(bpy.types.Operator):
         except Skipped as reason:
             self.report({"ERROR"}, f"{reason}.")
             return {"CANCELLED"}
+        self.report({"INFO"}, HINT)
         if not bpy.app.timers.is_registered(_tick):
             bpy.app.timers.register(_tick, first_interval=_INTERVAL)
         return {"FINISHED"}

@@ -21,6 +21,9 @@ from ..operators.properties import label, settings_of
 from ..running import kernels
 from ..running.jobs import Job
 
+_AUTO_AT_0 = {"width": 4.0, "widest_fillet": 2.0}
+"""Settings of which 0 is measured, and where the wheel begins then."""
+
 _WIDTHS = 5
 """Number of times that the mouse can halve the useful range of widths."""
 
@@ -68,14 +71,15 @@ class Preview:
         self.updates, self.is_before = 0, False
         target = mode.target(parameters)
         self.dial, self._time = target.dial(parameters), target.time
-        self.second, self._prefix = target.second(mode.second), target.prefix
+        self.second, self._prefix = target.second(parameters, mode.second), target.prefix
         described = describe(target.row.settings).items()
         self._about = {target.prefix + name: each for name, each in described}
         self._dial = None
         if self.dial:
-            endless = getattr(parameters, STEADY_STATE, False)
+            is_time = self.dial == target.time
+            endless = is_time and getattr(parameters, STEADY_STATE, False)
             start = math.inf if endless else getattr(parameters, self.dial)
-            octaves = TIMES if self.dial == target.time else _WIDTHS
+            octaves = TIMES if is_time else _WIDTHS
             self._dial = dial_of(start, self._about[self.dial][2], octaves)
         kernels.choose_folder()
         self._job: Job | None = None
@@ -102,12 +106,12 @@ class Preview:
         self._show()
 
     def drag(self, pixels: float) -> None:
-        """Change the width or time; 0 pixels keep it bit for bit."""
+        """Change the first setting; 0 pixels keep it bit for bit."""
         if pixels == 0 or self._dial is None or self.is_before:
             return
         self._dial.drag(pixels)
         value = self._dial.value
-        if hasattr(self.parameters, STEADY_STATE):
+        if self.dial == self._time and hasattr(self.parameters, STEADY_STATE):
             self.parameters.steady_state = math.isinf(value)
         if math.isfinite(value):
             least = self._about[self.dial][2].minimum
@@ -122,6 +126,8 @@ class Preview:
         value = getattr(self.parameters, name)
         if value < 0:  # begins where the measurement is
             value = self._measured
+        elif value == 0:
+            value = _AUTO_AT_0.get(name.removeprefix(self._prefix), value)
         new = turned(value, kind, about, clicks)
         setattr(self.parameters, name, max(new, 0.0) if about.minimum < 0 else new)
 
@@ -130,25 +136,12 @@ class Preview:
         if self.is_before:
             return iface_("Before")
         parts = []
-        if self.dial and self._about[self.dial][2].role == "width":
-            width = getattr(self.parameters, self.dial)
-            text = f"{width:g}" if width > 0 else iface_("Auto")
-            parts.append(iface_("Width {width} (move mouse)").format(width=text))
-        elif self.dial and self.dial != self._time:
-            value = getattr(self.parameters, self.dial)
-            name = iface_(self._about[self.dial][2].label or label(self._plain(self.dial)))
-            parts.append(iface_("{name} {value:.4g} (move mouse)").format(name=name, value=value))
-        elif self.dial:
-            endless = getattr(self.parameters, STEADY_STATE, False)
-            time_ = (
-                iface_("Steady State") if endless else f"{getattr(self.parameters, self.dial):g}"
-            )
-            parts.append(iface_("Time {time} (move mouse)").format(time=time_))
+        if self.dial:
+            text = iface_("{name} {value} (move mouse)")
+            parts.append(text.format(name=self._label(self.dial), value=self._value(self.dial)))
         if self.second:
-            value = getattr(self.parameters, self.second)
-            value = value if value >= 0 else self._measured
-            name = iface_(self._about[self.second][2].label or label(self._plain(self.second)))
-            parts.append(iface_("{name} {value:.4g} (wheel)").format(name=name, value=value))
+            text = iface_("{name} {value} (wheel)")
+            parts.append(text.format(name=self._label(self.second), value=self._value(self.second)))
         if self.stage.note:
             parts.append(self.stage.note)
         if self._job is not None and time.perf_counter() - self._began > _PATIENCE:
@@ -157,8 +150,19 @@ class Preview:
             parts.append(self._trouble)
         return " | ".join(parts)
 
-    def _plain(self, name: str) -> str:
-        return name.removeprefix(self._prefix)
+    def _label(self, name: str) -> str:
+        plain = name.removeprefix(self._prefix)
+        return iface_(self._about[name][2].label or label(plain))
+
+    def _value(self, name: str) -> str:
+        value = getattr(self.parameters, name)
+        if name == self._time and getattr(self.parameters, STEADY_STATE, False):
+            return iface_("Steady State")
+        if value == 0 and name.removeprefix(self._prefix) in _AUTO_AT_0:
+            return iface_("Auto")
+        if value < 0 and name == self.second:
+            return f"{self._measured:.4g}"
+        return f"{value:g}"
 
     def tick(self) -> None:
         """Show a finished result, and start computing the newest settings.

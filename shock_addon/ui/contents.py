@@ -13,7 +13,7 @@ from ..data.skipped import Skipped
 from ..flow import showing as flow_shown
 from ..modes import Mode, below
 from ..operators import base as operators
-from ..operators import comparing, drawing, statistics
+from ..operators import comparing, drawing, linking, statistics
 from ..operators import poll as obstacles
 from ..operators.filtering import operator_of
 from ..operators.wrapping import draw_text, fit
@@ -43,6 +43,8 @@ def draw_main(panel: Panel, context: bpy.types.Context) -> None:
         return
     _draw_preparing(layout)
     obstacle = obstacles.of_mode(context, mode, settings)
+    if announced := obstacles.announcement(context, mode, settings):
+        draw_text(layout, context, announced, icon="INFO")
     _draw_buttons(layout, context, mode, enabled=not obstacle)
     # Else Blender draws the first line as the bar that was there, until the mouse moves.
     layout.separator(factor=0.01)
@@ -180,6 +182,8 @@ def _draw_buttons(
         (row if is_active else column).operator("shock_filter.hide_flow")
     if mode.key == "geometry":
         _draw_creases(column, context, enabled)
+    if mode.key == "generate" and linking.is_waiting(context):
+        column.operator_menu_enum("shock_filter.link_map", "into")
 
 
 def _draw_creases(layout: bpy.types.UILayout, context: bpy.types.Context, enabled: bool) -> None:

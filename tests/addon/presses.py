@@ -50,6 +50,8 @@ def press(mode) -> None:
     operator = getattr(bpy.ops.shock_filter, mode.operator)
     image = {"image": "Image"} if mode.data.in_images else {}
     changes = [preset.values for preset in mode.presets]
+    if "what" in mode.names:
+        changes += [{"what": word, "width": 4.0} for word in ("drawing", "photo")]
     if len(mode.targets) > 1:
         changes += [{"target": target.key} for target in mode.targets]
     if "image_2" in mode.names:

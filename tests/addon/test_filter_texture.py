@@ -11,8 +11,8 @@ from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.data.image import tiles
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.preview import gain, painting
 from shock_filter.shock_addon.preview import images as preview_images
-from shock_filter.shock_addon.preview import painting
 from shock_filter.shock_addon.preview.previewing import parameters_of
 
 filter_texture = bpy.ops.shock_filter.filter_texture
@@ -413,6 +413,74 @@ def test_files_that_were_saved_meanwhile_show_the_texture(painted, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path)
     assert sorted(bpy.data.images.keys()) == ["Wood", "Wood gain"]
     assert shown_image().name == "Wood"
+
+
+def view_3d():
+    """The space of the first 3D view."""
+    areas = bpy.context.window_manager.windows[0].screen.areas
+    return next(area for area in areas if area.type == "VIEW_3D").spaces.active
+
+
+@pytest.mark.parametrize("engine", ["BLENDER_WORKBENCH", "CYCLES", "BLENDER_EEVEE_NEXT"])
+@pytest.mark.parametrize("kind", ["WIREFRAME", "SOLID", "RENDERED"])
+def test_painting_begins_in_every_engine_and_shading(sheet, over_view, engine, kind):
+    bpy.context.scene.shock_filter.mode = "DETAIL"
+    bpy.context.scene.render.engine = engine
+    space = view_3d()
+    space.shading.type, space.shading.color_type = kind, "MATERIAL"
+    over_view(paint_gain)
+    assert painting.is_running()
+    assert bpy.context.mode == "PAINT_TEXTURE"
+    if kind == "RENDERED":
+        assert space.shading.type == kind
+    elif engine == "BLENDER_WORKBENCH":  # it has no Material Preview
+        assert (space.shading.type, space.shading.color_type) == ("SOLID", "TEXTURE")
+    else:
+        assert space.shading.type == "MATERIAL"
+    # Workbench shows what is painted on, so that the result is drawn over it.
+    assert gain.is_workbench(space) == (engine == "BLENDER_WORKBENCH")
+    paint("Wood gain", slice(0, SIZE), 1.0)
+    result = settled()
+    (one,) = painting._running
+    assert np.abs(result - waves_stored()).max() > 0.01
+    np.testing.assert_allclose(one.stage._coat._values, result, atol=1.5 / 255)
+    painting.stop()
+    assert one.stage._coat._drawing is None
+
+
+def test_it_says_what_black_and_white_do(sheet, capfd):
+    bpy.context.scene.shock_filter.mode = "DETAIL"
+    paint_gain()
+    assert "White raises detail, black smooths it" in capfd.readouterr().out
+    (one,) = painting._running
+    assert one.stage._hint is not None  # drawn in the view
+    painting.stop()
+    assert one.stage._hint is None
+
+
+@pytest.mark.parametrize("failing", ["_Stage", "Preview"])
+def test_painting_that_cannot_begin_changes_nothing(sheet, over_view, monkeypatch, failing):
+    chosen = bpy.context.scene.shock_filter
+    chosen.mode = "DETAIL"
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    space, paints = view_3d(), bpy.context.tool_settings.image_paint
+    space.shading.type, space.shading.color_type = "WIREFRAME", "RANDOM"
+
+    def state():
+        shading = space.shading.type, space.shading.color_type
+        names = chosen.detail.image, chosen.detail.gain_map
+        return sorted(bpy.data.images.keys()), shading, names, paints.mode, paints.canvas
+
+    def fail(*_):
+        raise RuntimeError("No luck.")
+
+    before = state()
+    monkeypatch.setattr(gain, failing, fail)
+    with pytest.raises(RuntimeError, match="No luck"):
+        over_view(paint_gain)
+    assert (state(), bpy.context.mode) == (before, "OBJECT")
+    assert shown_image().name == "Wood"
+    assert not painting.is_running()
 
 
 def test_a_map_must_be_another_image(sheet):

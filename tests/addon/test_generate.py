@@ -4,10 +4,13 @@
 import bpy
 import numpy as np
 import pytest
+from shock_filter.shock_addon.data import chosen
 from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import linking
 
+link_map = bpy.ops.shock_filter.link_map
 generate = bpy.ops.shock_filter.generate
 
 SIZE = 256
@@ -206,6 +209,90 @@ def test_a_material_gets_a_node_that_waits(sheet):
     assert len(material.node_tree.links) == links
     generate(source="border", image_size=str(SIZE), add_node=False)
     assert sum(node.type == "TEX_IMAGE" for node in material.node_tree.nodes) == 2
+
+
+@pytest.fixture
+def textured(sheet):
+    """The sheet with a material whose base color is a texture, the active node."""
+    material = bpy.data.materials.new("Wood")
+    material.use_nodes = True
+    sheet.data.materials.append(material)
+    nodes = material.node_tree.nodes
+    texture = nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("Texture", 8, 8)
+    shader = nodes["Principled BSDF"]
+    material.node_tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+    nodes.active = texture
+    return sheet
+
+
+def node_of(obj, name):
+    nodes = obj.active_material.node_tree.nodes
+    return next(node for node in nodes if node.type == "TEX_IMAGE" and node.image.name == name)
+
+
+def source(socket):
+    (found,) = socket.links
+    return found.from_node
+
+
+def test_the_texture_stays_the_active_node_and_the_result_waits(textured):
+    assert not linking.is_waiting(bpy.context)
+    generate(source="border", image_size=str(SIZE))
+    nodes = textured.active_material.node_tree.nodes
+    assert nodes.active == node_of(textured, "Texture")
+    assert chosen.shown_image(bpy.context).name == "Texture"
+    said = operators.summaries["generate"]
+    assert "Grid Distance is in the material, not linked yet: press Link." in said
+    assert linking.is_waiting(bpy.context)
+
+
+@pytest.mark.parametrize(("into", "socket"), [("COLOR", "Base Color"), ("ROUGHNESS", "Roughness")])
+def test_link_puts_it_into_the_shader(textured, over_view, into, socket):
+    generate(source="border", image_size=str(SIZE))
+    bpy.ops.ed.undo_push(message="Start")
+    assert link_map("EXEC_DEFAULT", True, into=into) == {"FINISHED"}
+    shader = textured.active_material.node_tree.nodes["Principled BSDF"]
+    assert source(shader.inputs[socket]).image.name == "Grid Distance"
+    if into == "ROUGHNESS":
+        assert source(shader.inputs["Base Color"]).image.name == "Texture"
+    assert not linking.is_waiting(bpy.context)
+    generate(source="border", image="Grid Distance")
+    assert "not linked yet" not in operators.summaries["generate"]
+
+
+@pytest.mark.parametrize("is_linked", [True, False])
+def test_link_mixes_by_it(textured, is_linked):
+    shader = textured.active_material.node_tree.nodes["Principled BSDF"]
+    color = shader.inputs["Base Color"]
+    if not is_linked:
+        textured.active_material.node_tree.links.remove(color.links[0])
+        color.default_value = (0.25, 0.5, 0.75, 1.0)
+    generate(source="border", image_size=str(SIZE))
+    assert link_map(into="FACTOR") == {"FINISHED"}
+    mix = source(color)
+    ends = {socket.identifier: socket for socket in mix.inputs}
+    assert source(ends["Factor_Float"]).image.name == "Grid Distance"
+    if is_linked:
+        assert source(ends["A_Color"]).image.name == "Texture"
+    else:
+        assert tuple(ends["A_Color"].default_value) == (0.25, 0.5, 0.75, 1.0)
+    assert tuple(ends["B_Color"].default_value) == (1.0, 1.0, 1.0, 1.0)
+
+
+def test_what_cannot_be_linked_is_said(textured):
+    with pytest.raises(RuntimeError, match="No generated image waits"):
+        link_map()
+    with pytest.raises(RuntimeError, match="no image named 'Nothing'"):
+        link_map(image="Nothing")
+    bpy.data.images.new("Other", 8, 8)
+    with pytest.raises(RuntimeError, match="No material of the selected objects holds Other"):
+        link_map(image="Other")
+    generate(source="border", image_size=str(SIZE))
+    tree = textured.active_material.node_tree
+    tree.nodes.remove(tree.nodes["Principled BSDF"])
+    with pytest.raises(RuntimeError, match="Wood has no Principled BSDF"):
+        link_map()
 
 
 def test_an_image_is_replaced_at_its_own_size(sheet):

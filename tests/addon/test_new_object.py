@@ -6,6 +6,7 @@ from functools import partial
 import bpy
 import numpy as np
 import pytest
+from shock_filter.shock_addon.data import chosen
 from shock_filter.shock_addon.data.mesh.meshes import read_positions
 from shock_filter.shock_addon.data.skipped import Refused
 from shock_filter.shock_addon.modes import find
@@ -201,6 +202,116 @@ def test_it_is_refused_outside_object_mode(rounded_box):
     assert poll.of_mode(bpy.context, find("geometry"), settings) == ""
 
 
+MAKE_FACES = ["REMESH", "BOOLEAN", "BEVEL", "SUBSURF"]
+
+
+def nodes_modifier(box, name):
+    modifier = box.modifiers.new("Nodes", "NODES")
+    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    ends = [group.nodes.new(f"NodeGroup{way}") for way in ("Input", "Output")]
+    group.links.new(ends[0].outputs[0], ends[1].inputs[0])
+    modifier.node_group = group
+    return modifier
+
+
+@pytest.mark.parametrize("kind", MAKE_FACES)
+def test_a_modifier_that_makes_faces_chooses_it_by_itself(rounded_box, kind):
+    modifier = rounded_box().modifiers.new("Top", kind)
+    box = bpy.context.object
+    settings = bpy.context.scene.shock_filter.geometry
+    assert settings.output == "AUTO"
+    said = poll.announcement(bpy.context, find("geometry"), settings)
+    assert said.startswith("New Object: Top is on top")
+    assert chosen.modifier_on_top(box) == modifier
+    modifier.show_viewport = False
+    assert poll.announcement(bpy.context, find("geometry"), settings) == ""
+
+
+def test_what_is_sharpened_is_what_is_seen(subdivided):
+    before, shown = read_positions(subdivided.data), seen(subdivided)
+    assert sharpen() == {"FINISHED"}
+    new = bpy.context.object
+    assert new.name == f"{subdivided.name} sharpened"
+    assert len(read_positions(new.data)) == len(shown)
+    np.testing.assert_array_equal(read_positions(subdivided.data), before)
+    assert subdivided.hide_get()
+    # Pressed again, the new object has no modifiers, and changes in place.
+    count = len(bpy.data.objects)
+    assert sharpen(amount=0.5) == {"FINISHED"}
+    assert len(bpy.data.objects) == count
+
+
+@pytest.mark.parametrize("above", ["WEIGHTED_NORMAL", "TRIANGULATE", "Smooth by Angle"])
+def test_what_leaves_the_shape_does_not_count_as_on_top(rounded_box, above):
+    box = rounded_box()
+    if " " in above:
+        nodes_modifier(box, above)
+    else:
+        box.modifiers.new("Above", above)
+    assert chosen.modifier_on_top(box) is None
+    bevel = box.modifiers.new("Bevel", "BEVEL")
+    box.modifiers.move(1, 0)
+    assert chosen.modifier_on_top(box) == bevel
+
+
+def test_geometry_nodes_count_and_what_bends_does_not(rounded_box):
+    box = rounded_box()
+    assert chosen.modifier_on_top(box) is None
+    nodes = nodes_modifier(box, "Mine")
+    assert chosen.modifier_on_top(box) == nodes
+    box.modifiers.new("Bend", "SIMPLE_DEFORM")
+    assert chosen.modifier_on_top(box) is None
+
+
+@pytest.mark.parametrize("output", ["MESH", "SHAPE_KEY"])
+def test_an_explicit_choice_stays_possible(subdivided, output):
+    before, count = read_positions(subdivided.data), len(bpy.data.objects)
+    settings = bpy.context.scene.shock_filter.geometry
+    settings.output = output
+    assert poll.announcement(bpy.context, find("geometry"), settings) == ""
+    assert sharpen(output=output) == {"FINISHED"}
+    assert len(bpy.data.objects) == count
+    assert np.array_equal(read_positions(subdivided.data), before) == (output == "SHAPE_KEY")
+    assert (subdivided.data.shape_keys is not None) == (output == "SHAPE_KEY")
+
+
+def test_each_object_by_itself(rounded_box, select):
+    plain = rounded_box()
+    other = rounded_box(location=(5, 0, 0))
+    other.modifiers.new("Finer", "SUBSURF")
+    select(plain, other)
+    before = read_positions(plain.data), read_positions(other.data)
+    assert sharpen() == {"FINISHED"}
+    assert not np.array_equal(read_positions(plain.data), before[0])
+    np.testing.assert_array_equal(read_positions(other.data), before[1])
+    assert (plain.hide_get(), other.hide_get()) == (False, True)
+    said = operators.summaries["geometry"]
+    assert f"New: {other.name} sharpened; the originals are hidden." in said
+
+
+def test_in_other_modes_the_mesh_changes_as_before(subdivided):
+    settings = bpy.context.scene.shock_filter.geometry
+    bpy.ops.object.mode_set(mode="SCULPT")
+    assert poll.announcement(bpy.context, find("geometry"), settings) == ""
+    assert poll.of_mode(bpy.context, find("geometry"), settings) == ""
+    count = len(bpy.data.objects)
+    assert sharpen() == {"FINISHED"}
+    assert len(bpy.data.objects) == count
+
+
+def test_what_changes_nothing_leaves_no_copy(subdivided):
+    counts = len(bpy.data.objects), len(bpy.data.meshes)
+    assert sharpen(amount=0.0, mark_sharp=False) == {"FINISHED"}
+    assert (len(bpy.data.objects), len(bpy.data.meshes)) == counts
+    assert not subdivided.hide_get()
+    said = operators.summaries["geometry"]
+    assert "Nothing has changed, so no new object was made." in said
+    assert "apply them first" not in said
+    assert "left in place" not in said
+
+
 def test_nothing_is_left_of_what_fails():
     bpy.ops.mesh.primitive_circle_add()
     circle = bpy.context.object
@@ -227,5 +338,7 @@ def test_a_preview_without_modifiers_shows_the_mesh(rounded_box):
     assert preview.stage._target.place.output == "MESH"
     preview.end()
     box.modifiers.new("Finer", "SUBSURF")
-    with pytest.raises(Refused, match="Preview shows the mesh without its modifiers"):
-        preview_meshes.begin(bpy.context, None, find("geometry"))
+    for output in ("OBJECT", "AUTO"):
+        bpy.context.scene.shock_filter.geometry.output = output
+        with pytest.raises(Refused, match="Preview shows the mesh without its modifiers"):
+            preview_meshes.begin(bpy.context, None, find("geometry"))

@@ -83,15 +83,15 @@ def test_what_is_shown_is_what_the_operator_makes(rounded_box):
     box = rounded_box()
     before = stored(box)
     running = begun("geometry")
-    running.drag(50)
+    running.drag(-100)
     running.roll(2)
     settle(running)
     shown = read_positions(box.data)
-    assert running.parameters.time == 512.0
-    assert running.parameters.feature_threshold == pytest.approx(1.3)
+    assert running.parameters.amount == 0.75
+    assert running.parameters.widest_fillet == pytest.approx(2.4)
     running.end()
     assert stored(box) == before
-    bpy.ops.shock_filter.sharpen_geometry(time=512.0, feature_threshold=1.3)
+    bpy.ops.shock_filter.sharpen_geometry(amount=0.75, widest_fillet=2.4)
     np.testing.assert_array_equal(read_positions(box.data), shown)
     assert shown.tobytes() != before[0]
 
@@ -109,6 +109,48 @@ def test_the_wheel_turns_the_bump_size_of_denoising(rounded_box):
     np.testing.assert_array_equal(read_positions(box.data), shown)
 
 
+@pytest.mark.parametrize(
+    ("mode", "given", "text"),
+    [
+        ("geometry", {}, "Amount 1 (move mouse) | Widest Fillet Auto (wheel)"),
+        ("geometry", {"where": "everywhere"}, "Amount 1 (move mouse)"),
+        ("geometry", {"time": 16.0}, "Time 16 (move mouse) | Amount 1 (wheel)"),
+        ("geometry", {"steady_state": True}, "Time Steady State (move mouse) | Amount 1 (wheel)"),
+        ("colors", {}, "Amount 1 (move mouse) | Width Auto (wheel)"),
+        ("colors", {"width": 2.0}, "Amount 1 (move mouse) | Width 2 (wheel)"),
+        ("colors", {"time": 0.0}, "Time 0 (move mouse) | Amount 1 (wheel)"),
+        ("denoise", {}, "Strength 1 (move mouse) | Bump Size 0 (wheel)"),
+        ("denoise", {"time": 2.0}, "Strength 1 (move mouse) | Bump Size 0 (wheel)"),
+        ("denoise", {"method": "beltrami"}, "Strength 1 (move mouse)"),
+        (
+            "denoise",
+            {"method": "beltrami", "time": 2.0},
+            "Time 2 (move mouse) | Strength 1 (wheel)",
+        ),
+    ],
+)
+def test_dials_are_what_the_panel_shows_or_a_time_that_was_given(painted_sheet, mode, given, text):
+    painted_sheet()
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    for name, value in given.items():
+        setattr(settings, name, value)
+    running = begun(mode)
+    assert running.text() == text
+    before = SimpleNamespace(**vars(running.parameters))
+    running.drag(-40)
+    running.roll(1)
+    names = {
+        name for name, value in vars(before).items() if getattr(running.parameters, name) != value
+    }
+    if "steady_state" in given:
+        assert names == {"steady_state", "time"}
+    elif given.get("time") == 0.0:
+        assert names == set()  # at the lower end already, and Amount at the upper one
+    else:
+        assert running.dial in names <= {running.dial, running.second}
+    running.end()
+
+
 def test_before_and_after(rounded_box):
     box = rounded_box()
     before = stored(box)
@@ -124,7 +166,7 @@ def test_before_and_after(rounded_box):
     assert stored(box) == before
     running.compare()
     assert stored(box) == shown != before
-    running.drag(50)
+    running.drag(-50)
     running.compare()
     settle(running)  # what is computed meanwhile waits
     assert stored(box) == before
@@ -137,11 +179,10 @@ def test_before_and_after(rounded_box):
 def test_the_panel_is_left_alone_meanwhile(rounded_box):
     rounded_box()
     running = begun("geometry")
-    running.drag(1000)
+    running.drag(-100)
     running.roll(3)
     settings = bpy.context.scene.shock_filter.geometry
-    assert settings.time == 256.0
-    assert settings.feature_threshold == pytest.approx(1.1)
+    assert (settings.amount, settings.widest_fillet) == (1.0, 0.0)
     running.end()
 
 
@@ -483,14 +524,15 @@ def test_the_newest_settings_win(rounded_box):
     box = rounded_box(cuts=15)
     running = begun("geometry")
     settle(running)
-    for pixels in (40, 40, -200, 30):
+    for pixels in (-40, -40, -200, 30):
         running.drag(pixels)
         running.tick()
     settle(running)
     shown = read_positions(box.data)
-    final = running.parameters.time
+    final = running.parameters.amount
+    assert 0.0 < final < 1.0
     running.end()
-    bpy.ops.shock_filter.sharpen_geometry(time=final)
+    bpy.ops.shock_filter.sharpen_geometry(amount=final)
     np.testing.assert_array_equal(read_positions(box.data), shown)
 
 
@@ -499,7 +541,7 @@ def test_old_news_is_cancelled_when_it_takes_long(rounded_box, monkeypatch):
     running = begun("geometry")
     running.tick()
     first = running._job
-    running.drag(30)
+    running.drag(-30)
     monkeypatch.setattr(previewing, "_PATIENCE", -1.0)
     running.tick()
     first.wait()
@@ -562,7 +604,7 @@ def test_what_something_else_writes_meanwhile_ends_it_and_stays(painted_sheet, m
         paint[7].color = (0.25, 0.5, 0.75, 1.0)
     else:
         sheet.data.vertices[7].co = (9, 8, 7)
-    running.drag(50)
+    running.drag(-50)
     with pytest.raises(Skipped, match="it was changed meanwhile"):
         settle(running)
     running.end()
@@ -581,7 +623,7 @@ def test_a_shape_key_that_a_script_moves_meanwhile_stays(keyed):
     running = begun("geometry")
     settle(running)
     keys["Wide"].points[3].co = (9, 8, 7)
-    running.drag(50)
+    running.drag(-50)
     with pytest.raises(Skipped, match="it was changed meanwhile"):
         settle(running)
     running.end()
@@ -698,14 +740,15 @@ def shown_by(events):
 
 
 def test_mouse_and_wheel_turn_the_dials(events):
-    events.send("MOUSEMOVE", x=100)
-    assert events._preview.parameters.time == 1020.0
-    events.send("MOUSEMOVE", x=-100, shift=True)
-    assert events._preview.parameters.time == pytest.approx(1024 / 2**0.2, rel=0.01)
+    events.send("MOUSEMOVE", x=-100)
+    assert events._preview.parameters.amount == 0.75
+    assert "Amount 0.75 (move mouse) | Widest Fillet Auto (wheel)" in events.status[-1]
+    events.send("MOUSEMOVE", x=100, shift=True)
+    assert events._preview.parameters.amount == 0.775
     events.send("WHEELUPMOUSE")
     events.send("WHEELDOWNMOUSE", shift=True)
-    assert events._preview.parameters.feature_threshold == pytest.approx(1.19)
-    assert "Threshold 1.19 (wheel)" in events.status[-1]
+    assert events._preview.parameters.widest_fillet == pytest.approx(2.18)
+    assert "Widest Fillet 2.18 (wheel)" in events.status[-1]
     assert "Esc or Right Click: cancel" in events.status[-1]
 
 
@@ -725,9 +768,9 @@ def test_a_key_shows_what_was_there_before(events):
 
 
 def test_values_stay_while_the_mouse_moves_up_or_down(events):
-    events._preview.parameters.time = 1234.5
+    events._preview.parameters.amount = 0.12345
     events.send("MOUSEMOVE", x=0)
-    assert events._preview.parameters.time == 1234.5
+    assert events._preview.parameters.amount == 0.12345
 
 
 def test_the_way_from_the_button_to_the_view_changes_nothing(events, monkeypatch):
@@ -740,13 +783,13 @@ def test_the_way_from_the_button_to_the_view_changes_nothing(events, monkeypatch
         events.send("MOUSEMOVE", x=x)
         events.send("TIMER")
     events.send("WHEELUPMOUSE")
-    assert "Time 256 (move mouse)" in events.status[-1]
-    assert events._preview.parameters.feature_threshold == pytest.approx(1.2)
+    assert "Amount 1 (move mouse)" in events.status[-1]
+    assert events._preview.parameters.widest_fillet == pytest.approx(2.2)
     monkeypatch.setattr(preview_operator, "_REST", -1.0)  # it has rested in the view
     monkeypatch.setattr(preview_operator, "_REST_TICKS", 1)
     events.send("TIMER")
-    events.send("MOUSEMOVE", x=50)
-    assert events._preview.parameters.time == 512.0
+    events.send("MOUSEMOVE", x=-100)
+    assert events._preview.parameters.amount == 0.75
 
 
 def test_a_mouse_that_rests_on_the_button_has_not_come_to_the_view(events, monkeypatch):
@@ -758,37 +801,38 @@ def test_a_mouse_that_rests_on_the_button_has_not_come_to_the_view(events, monke
     for x in (850, 810):
         events.send("TIMER")
         events.send("MOUSEMOVE", x=x)
-    assert "Time 256 (move mouse)" in events.status[-1]
+    assert "Amount 1 (move mouse)" in events.status[-1]
 
 
 @pytest.mark.parametrize("key", ["ESC", "RIGHTMOUSE"])
 def test_cancelling_changes_nothing(events, key):
     box = bpy.context.object
     before = stored(box)
-    events.send("MOUSEMOVE", x=100)
+    events.send("MOUSEMOVE", x=-100)
     shown_by(events)
     assert stored(box) != before
     assert events.send(key) == {"CANCELLED"}
     assert stored(box) == before
     assert events.status[-1] is None
     assert events.ran == []
-    assert bpy.context.scene.shock_filter.geometry.time == 256.0
+    assert bpy.context.scene.shock_filter.geometry.amount == 1.0
 
 
 @pytest.mark.parametrize("key", ["RET", "LEFTMOUSE"])
 def test_applying_runs_the_operator_on_the_old_shape(events, key):
     box = bpy.context.object
     before = stored(box)
-    events.send("MOUSEMOVE", x=50)
+    events.send("MOUSEMOVE", x=-100)
     shown_by(events)
     events.send("WHEELUPMOUSE")
     assert events.send(key) == {"FINISHED"}
     assert stored(box) == before
     ((given, settings),) = events.ran
     assert given == ("INVOKE_DEFAULT",)
-    assert settings["time"] == 512.0
-    assert settings["feature_threshold"] == pytest.approx(1.2)
-    assert bpy.context.scene.shock_filter.geometry.time == 512.0
+    assert settings["amount"] == 0.75
+    assert settings["widest_fillet"] == pytest.approx(2.2)
+    assert settings["time"] == 256.0
+    assert bpy.context.scene.shock_filter.geometry.amount == 0.75
     assert preview_operator._running == []
 
 
@@ -832,7 +876,7 @@ def test_a_bug_leaves_the_old_shape(events, monkeypatch):
     before = stored(box)
     shown_by(events)
     monkeypatch.setattr(events._preview, "_take", lambda job: 1 / 0)
-    events.send("MOUSEMOVE", x=50)
+    events.send("MOUSEMOVE", x=-50)
     with pytest.raises(ZeroDivisionError):
         for _ in range(1000):
             events.send("TIMER")

@@ -105,8 +105,8 @@ def state(image):
 def test_what_is_drawn_is_what_the_operator_makes(begun, mode, size):
     photo = add_image()
     preview = begun(photo, mode, size)
-    preview.drag(150 if mode == "image" else 20)
-    preview.roll(-1)
+    preview.drag(-40 if mode == "image" else 20)
+    preview.roll(5 if mode == "image" else -1)
     (piece,) = shown(preview)
     parameters = {
         name: getattr(preview.parameters, name) for name in (preview.dial, preview.second)
@@ -148,19 +148,19 @@ def test_the_image_is_not_touched(begun, float_buffer, packed):
         photo.pack()
     before = state(photo)
     preview = begun(photo)
-    preview.drag(200)
+    preview.drag(-200)
     shown(preview)
     assert preview.updates == 1
     assert state(photo) == before
     preview.end()
     assert state(photo) == before
-    assert bpy.context.scene.shock_filter.image.time == -1.0
+    assert bpy.context.scene.shock_filter.image.amount == 1.0
 
 
 def test_nothing_is_drawn_at_amount_0(begun):
     preview = begun(add_image())
-    preview.roll(-20)
-    assert "Amount 0 (wheel)" in preview.text()
+    preview.drag(-400)
+    assert "Amount 0 (move mouse)" in preview.text()
     (piece,) = shown(preview)
     stored = np.round(soft() * 255) / 255
     np.testing.assert_allclose(piece.colors[..., :3], decoded(stored[..., :3]), atol=1e-6)
@@ -358,7 +358,8 @@ def test_a_texture_is_drawn_as_the_operator_makes_it(editor):
     before = state(wood)
     preview = preview_images.begin(bpy.context, None, find("texture"))
     try:
-        preview.drag(100)
+        preview.drag(-100)
+        preview.roll(3)
         (piece,) = shown(preview)
         assert state(wood)[:3] == before[:3]
         assert piece.box == (0, 0, 1, 1)
@@ -366,7 +367,9 @@ def test_a_texture_is_drawn_as_the_operator_makes_it(editor):
     finally:
         preview.end()
     assert state(wood) == before
-    bpy.ops.shock_filter.sharpen_texture(output="REPLACE", width=preview.parameters.width)
+    bpy.ops.shock_filter.sharpen_texture(
+        output="REPLACE", amount=0.75, width=preview.parameters.width
+    )
     made = decoded(image_data.read_pixels(wood)[..., :3])
     np.testing.assert_allclose(piece.colors[..., :3], made, atol=1e-6)
 

@@ -219,6 +219,7 @@ ELSEWHERE = {
     "preview-image-gone": (
         "test_preview_images.py::test_it_ends_when_the_image_is_gone_or_seen_no_more"
     ),
+    "modifier-on-top": "test_new_object.py::test_what_is_sharpened_is_what_is_seen",
     # Show Flow
     "flow-mesh": "test_show_flow.py::test_the_mesh_stays_as_it_is",
     "flow-edits": "test_show_flow.py::test_edits_are_drawn_anew",

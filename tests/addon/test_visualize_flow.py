@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shock_filter import core
 from shock_filter.core.files.image_formats import read_pixels
+from shock_filter.shock_addon.data import chosen
 from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.data.image import sequences
 from shock_filter.shock_addon.modes import find
@@ -260,6 +261,26 @@ def test_the_image_editor_plays_the_flow_of_its_map(saved, editor):
     assert space.image == bpy.data.images["Map Flow"]
     user = space.image_user
     assert (user.frame_duration, user.frame_start, user.use_cyclic) == (3, 1, True)
+
+
+def test_the_map_is_remembered_and_the_button_stays_alive(saved, editor):
+    settings = bpy.context.scene.shock_filter.visualize
+    space = editor(add_map(), lambda context: visualize(target="map", frames=2))
+    assert message().endswith("Press Space to play it.")
+    shown = space.image
+    assert (shown.name, shown.source) == ("Map Flow", "SEQUENCE")
+
+    def again(context):
+        assert obstacles.of_mode(context, find("visualize"), settings) == ""
+        # As the button does, which names what the editor shows.
+        assert visualize(target="map", image=shown.name, frames=3) == {"FINISHED"}
+
+    editor(shown, again)
+    assert "3 frames of 64 x 48 pixels" in message()
+    assert space.image.name == "Map Flow.001"
+    assert chosen.flow_map_of(space.image) == bpy.data.images["Map"]
+    bpy.data.images.remove(bpy.data.images["Map"])
+    assert chosen.flow_map_of(space.image) == space.image
 
 
 def test_what_is_missing_is_said_before_a_press(saved, editor, rounded_box):

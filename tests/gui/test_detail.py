@@ -55,3 +55,11 @@ def test_a_run_ends_it_and_leaves_nothing_behind(report):
     assert seen["kept"]
     assert seen["used"] == []
     assert seen["left"] == 0
+
+
+def test_workbench_shows_the_result_over_the_object(report):
+    seen = report["solid"]
+    assert (seen["began"], seen["shading"]) == (["FINISHED"], ["SOLID", "TEXTURE"])
+    assert seen["gray"] > 30.0  # the colors of the texture, not those of the map
+    assert seen["changed"] > 200
+    assert seen["ended"]

@@ -37,4 +37,9 @@ def test_esc_leaves_nothing(report):
 def test_a_flow_map_moves_in_the_image_editor(report):
     seen = report["map"]
     assert seen["shown"] == ["River Flow", "SEQUENCE"]
+    assert seen["said"].endswith("Press Space to play it.")
     assert min(seen["moved"]) > 1000
+
+
+def test_the_button_works_on_the_map_again_while_its_flow_is_shown(report):
+    assert "4 frames of 128 x 128 pixels" in report["map"]["said_again"]

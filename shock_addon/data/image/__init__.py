@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         fields,
         flows,
         images,
+        linking,
         maps,
         sequences,
         stand_in,

@@ -15,11 +15,13 @@ from bpy.app.translations import pgettext_rpt
 from ....core.host.fields import FieldSurface
 from .. import arrays
 from ..chosen import mesh_refusal, mesh_users, refusal
+from ..materials import image_nodes
 from ..mesh import meshes
 from ..mesh.vertex_groups import group_weights
 from ..skipped import Skipped, skip_if
 from . import images, textures
 from .images import ImageTarget
+from .linking import is_linked
 from .tiles import Tiles
 
 ATTRIBUTE = "Distance"
@@ -142,17 +144,25 @@ def write_attribute(names: list[str], values: npt.NDArray[np.float32]) -> bpy.ty
     return objects[0]
 
 
-def add_nodes(names: list[str], image: bpy.types.Image) -> list[str]:
+def add_nodes(names: list[str], image: bpy.types.Image, *, activate: bool = False) -> list[str]:
     """Add an Image Texture node for an image to the active material of each object of these names.
 
     An object without a material gets one that shows the image.
 
+    Parameters
+    ----------
+    names : list of str
+    image : bpy.types.Image
+    activate : bool
+        Whether the node becomes the active one, whose image Solid shading shows. Otherwise it does
+        so only in materials without other images.
+
     Returns
     -------
     list of str
-        A sentence for each object that could not get the node.
+        A sentence for each object that could not get the node, and one if it waits to be linked.
     """
-    notes = []
+    notes, waits = [], False
     for obj in (bpy.data.objects[name] for name in names):
         material = obj.active_material
         if material is None and not mesh_refusal(obj.data):
@@ -163,24 +173,31 @@ def add_nodes(names: list[str], image: bpy.types.Image) -> list[str]:
                 obj.material_slots[obj.active_material_index].material = material
             else:
                 obj.data.materials.append(material)
-            _link_to_color(material, _image_node(material, image))
+            _link_to_color(material, _image_node(material, image, activate))
         elif material is None or material.library is not None or material.node_tree is None:
             text = pgettext_rpt("{name} cannot take a node; name {image} in one by hand.")
             notes.append(text.format(name=(material or obj).name, image=image.name))
         else:
-            _image_node(material, image)
+            waits |= not is_linked(_image_node(material, image, activate))
+    if waits and not activate:
+        text = pgettext_rpt("{name} is in the material, not linked yet: press Link.")
+        notes.append(text.format(name=image.name))
     return notes
 
 
-def _image_node(material: bpy.types.Material, image: bpy.types.Image) -> bpy.types.Node:
+def _image_node(
+    material: bpy.types.Material, image: bpy.types.Image, activate: bool
+) -> bpy.types.Node:
     nodes = material.node_tree.nodes
+    before = nodes.active
+    others = any(each.image not in {None, image} for each in image_nodes(material))
     node = next((n for n in nodes if n.type == "TEX_IMAGE" and n.image == image), None)
     if node is None:
         node = nodes.new("ShaderNodeTexImage")
         node.image = image
         low = min((each.location[1] for each in nodes), default=0.0)
         node.location = min((each.location[0] for each in nodes), default=0.0), low - 300.0
-    nodes.active = node
+    nodes.active = node if activate or not others else before
     return node
 
 

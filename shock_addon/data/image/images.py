@@ -26,6 +26,9 @@ from ..chosen import refusal
 from ..skipped import Skipped, skip_if
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
 
+_NUMBER = r"\.\d{3}$"
+"""Pattern of the numbers that Blender adds to names."""
+
 UNTILED = 0
 """The key of the pixels of an image without tiles, in the result of `read_parts`."""
 
@@ -156,9 +159,15 @@ def keep(image: bpy.types.Image) -> None:
         image.use_fake_user = True
 
 
+def is_result(image: bpy.types.Image, suffix: str) -> bool:
+    """Whether an image was written by a run, in this session or, by its name, in another."""
+    unnumbered = re.sub(_NUMBER, "", image.name)
+    return image.session_uid in _written or unnumbered.endswith(f" {suffix}")
+
+
 def _name(old: str, suffix: str) -> str:
     """Append the suffix to a name without its file ending, unless the name has it."""
-    unnumbered = re.sub(r"\.\d{3}$", "", old)  # Blender adds such numbers
+    unnumbered = re.sub(_NUMBER, "", old)
     if unnumbered.endswith(f" {suffix}"):
         return unnumbered
     stem, ending = os.path.splitext(unnumbered)

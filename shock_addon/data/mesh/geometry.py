@@ -29,7 +29,7 @@ class Place:
     Attributes
     ----------
     output : str
-        "MESH", "SHAPE_KEY" or "OBJECT"; the last one is written as a mesh, into a copy.
+        "MESH", "SHAPE_KEY" or "OBJECT"; the last one, and "AUTO", are written as a mesh.
     mode : str
         The mode that the person works in.
     custom_normals : str

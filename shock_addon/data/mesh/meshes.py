@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -15,7 +15,7 @@ from bpy.app.translations import pgettext_iface
 
 from ....core.host.inputs import Surface
 from .. import arrays
-from ..chosen import CONVERTIBLE, mesh_objects, mesh_refusal, mesh_users
+from ..chosen import CONVERTIBLE, mesh_objects, mesh_refusal
 from ..skipped import Refused, Skipped, sentences, skip_if
 from .targets import MeshTarget
 
@@ -82,7 +82,7 @@ def read_targets(
     read: Callable[[bpy.types.Object, str, Any], tuple[Any, Surface]],
     parameters: Any,
     *,
-    visible: bool = False,
+    is_seen: Callable[[bpy.types.Object], bool] = lambda obj: False,
 ) -> tuple[list[MeshTarget], list[str]]:
     """Read all objects that the operator acts on, each mesh once.
 
@@ -94,8 +94,9 @@ def read_targets(
         the one that the person works in, while the object is in Object Mode.
     parameters : object
         What `read` looks at.
-    visible : bool
-        Read what is seen of each object, with modifiers and shape keys applied; see `visible`.
+    is_seen : callable
+        ``is_seen(obj)`` says whether to read what is seen of an object, with modifiers and shape
+        keys applied, and not its mesh; see `visible`.
 
     Returns
     -------
@@ -110,6 +111,8 @@ def read_targets(
     """
 
     def read_target(obj: bpy.types.Object, mode: str) -> MeshTarget:
+        if obj in seen:
+            return read_visible(obj, mode)
         skip_if(mesh_refusal(obj.data))
         check_readable(obj)
         return target_of(obj, *read(obj, mode, parameters))
@@ -120,19 +123,20 @@ def read_targets(
         check_in_object_mode(obj)
         with copied(obj) as copy:
             check_readable(copy)
-            return target_of(obj, *read(copy, mode, parameters))
+            return replace(target_of(obj, *read(copy, mode, parameters)), is_seen=True)
 
     def target_of(obj: bpy.types.Object, place: Any, surface: Surface) -> MeshTarget:
         return MeshTarget(obj.name, obj.session_uid, obj.data.session_uid, place, surface)
 
     no_meshes = _no_meshes(context)
-    if visible and context.mode != "OBJECT":
+    seen = [obj for obj in mesh_objects(context) if is_seen(obj)]
+    if seen and context.mode != "OBJECT":
         raise Refused("New objects are made in Object Mode; go there, or choose another output.")
+    # Objects with the same mesh may look different.
+    meshes = {obj.data: obj for obj in reversed(mesh_objects(context)) if obj not in seen}
+    objects = [obj for obj in mesh_objects(context) if obj in seen or obj == meshes[obj.data]]
     try:
-        if visible:  # objects with the same mesh may look different
-            targets, left = read_each(context, mesh_objects(context), read_visible)
-        else:
-            targets, left = read_each(context, mesh_users(context), read_target)
+        targets, left = read_each(context, objects, read_target)
     except Skipped as reason:
         return [], sentences([(context.object.name, str(reason))])
     return targets, sentences(no_meshes + left)
@@ -210,14 +214,16 @@ def read_corner_vertices(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
 
 def read_triangle_corners(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     """Read the triangles that Blender cuts the faces into, as face corners: (m, 3)."""
-    mesh.calc_loop_triangles()
-    if len(mesh.loop_triangles) == len(mesh.polygons):  # triangles already: 100 times faster
+    if len(mesh.loops) == 3 * len(mesh.polygons):  # triangles already: 100 times faster
         return np.arange(len(mesh.loops), dtype=np.int32).reshape(-1, 3)
-    return arrays.read(mesh.loop_triangles, "loops", 3, np.int32)
+    mesh.calc_loop_triangles()
+    return arrays.read_triples(mesh.loop_triangles, "loops")
 
 
 def read_triangles(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     """Read the triangles as vertices: (m, 3)."""
+    if len(mesh.loops) == 3 * len(mesh.polygons):
+        return read_corner_vertices(mesh).reshape(-1, 3)
     return read_corner_vertices(mesh)[read_triangle_corners(mesh)]
 
 

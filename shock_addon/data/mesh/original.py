@@ -128,7 +128,7 @@ def show(target: MeshTarget, original: Original, result: Any) -> None:
 
 def _show_shape(target: MeshTarget, original: Original, result: Reshaped) -> None:
     keys = find(target).data.shape_keys
-    if target.place.output == "MESH" or keys is None:
+    if target.place.output in {"MESH", "AUTO"} or keys is None:
         place = replace(target.place, output="MESH", custom_normals="KEEP", sharp_angle=None)
         write_geometry(replace(target, place=place), result)
         return

@@ -74,6 +74,12 @@ def mark_creases(
         arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
 
 
+def is_flat(mesh: bpy.types.Mesh) -> bool:
+    """Whether all faces are shaded flat."""
+    flat = arrays.find_attribute(mesh, "sharp_face", "BOOLEAN", "FACE")
+    return flat is not None and bool(arrays.read_attribute(flat).all())
+
+
 def count_marks(mesh: bpy.types.Mesh) -> int:
     """Count the edges that are marked as sharp."""
     marks = arrays.find_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")

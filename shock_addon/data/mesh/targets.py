@@ -22,6 +22,9 @@ class MeshTarget:
         Where the result goes: for geometry a `Place`, for colors the attribute's name.
     surface : Surface
         What is handed to the filter.
+    is_seen : bool
+        Whether it is what is seen of the object, with modifiers and shape keys applied; the result
+        then goes into a new one.
     """
 
     name: str
@@ -29,6 +32,7 @@ class MeshTarget:
     mesh_uid: int
     place: Any
     surface: Surface
+    is_seen: bool = False
 
 
 def find(target: MeshTarget) -> bpy.types.Object:

@@ -10,7 +10,12 @@ from typing import Any
 
 import bpy
 
+from ....core.base.memo import equal
+from .. import arrays
 from .targets import MeshTarget, find
+
+_WRITTEN = ("position", "sharp_edge", "custom_normal")
+"""Attributes that a run may change, besides colors."""
 
 _DEFORMING = {"ARMATURE", "CURVE", "LATTICE"}
 """Kinds of parents that bend their children, as modifiers do."""
@@ -37,6 +42,8 @@ def write_new(
     result: Any,
     write: Callable[[MeshTarget, Any], bpy.types.Object],
     suffix: str,
+    *,
+    only_changed: bool = False,
 ) -> bpy.types.Object:
     """Write a result into a new object in the place of the one that was read, which is hidden.
 
@@ -47,6 +54,13 @@ def write_new(
     write : callable
     suffix : str
         What follows the object's name in that of the new one.
+    only_changed : bool
+        Whether no object is added if the result changes nothing.
+
+    Returns
+    -------
+    bpy.types.Object
+        The new one, or that which was read if none was added.
 
     Raises
     ------
@@ -57,13 +71,25 @@ def write_new(
     new = _copy(obj)
     try:
         mesh = new.data
+        before = _contents(mesh)
         write(replace(target, object_uid=new.session_uid, mesh_uid=mesh.session_uid), result)
+        after = _contents(mesh)
     except BaseException:
         _remove(new)
         raise
+    alike = before.keys() == after.keys()
+    if only_changed and alike and equal(tuple(before.values()), tuple(after.values())):
+        _remove(new)
+        return obj
     new.name = mesh.name = f"{obj.name} {suffix}"
     _show(new, obj)
     return new
+
+
+def _contents(mesh: bpy.types.Mesh) -> dict[str, Any]:
+    found = [mesh.attributes.get(name) for name in _WRITTEN] + list(mesh.color_attributes)
+    known = [each for each in found if each is not None and arrays.is_readable(each)]
+    return {each.name: arrays.read_attribute(each) for each in known}
 
 
 def _copy(obj: bpy.types.Object) -> bpy.types.Object:

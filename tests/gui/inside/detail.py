@@ -12,6 +12,7 @@ from harness import (
     addon,
     area,
     button,
+    different,
     finished,
     move,
     open_tab,
@@ -23,7 +24,7 @@ from harness import (
     report,
     run,
 )
-from seeing import middle, running_preview
+from seeing import middle, object_seen, running_preview
 
 SIDES = (1024, 2048)
 STROKES = 3
@@ -141,6 +142,33 @@ def painted(image: bpy.types.Image) -> Steps:
     while stand_ins() and time.monotonic() < end:
         yield 0.5
     seen["left"] = len(stand_ins())
+    yield from in_solid_shading()
+
+
+def in_solid_shading() -> Steps:
+    """Paint where Workbench shows what is painted on, so that the result is drawn over it."""
+    seen = report["solid"] = {}
+    bpy.ops.object.mode_set(mode="OBJECT")
+    shading = area("VIEW_3D").spaces.active.shading
+    shading.type, shading.color_type = "SOLID", "TEXTURE"
+    yield from park()
+    textured = object_seen()
+    with over():
+        seen["began"] = sorted(bpy.ops.shock_filter.paint_gain("INVOKE_DEFAULT", True))
+    seen["shading"] = [shading.type, shading.color_type]
+    yield from settled()
+    yield from park()
+    plain = object_seen()
+    picture("paint-gain-solid", area("VIEW_3D"), width=1400)
+    seen["gray"] = float(np.abs(plain.astype(int) - plain.mean(axis=2, keepdims=True)).max())
+    seen["beside_textured"] = different(textured, plain)
+    yield from stroke()
+    yield from settled()
+    yield from park()
+    seen["changed"] = different(plain, object_seen())
+    run("paint_gain")
+    yield from settled()
+    seen["ended"] = not addon("preview.painting").is_running()
 
 
 def stand_ins() -> list[bpy.types.Image]:

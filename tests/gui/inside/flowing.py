@@ -29,6 +29,7 @@ from harness import (
 )
 
 COUNT = 8
+AGAIN = 4
 
 
 def scenario() -> Steps:
@@ -116,6 +117,13 @@ def in_the_image_editor(folder: Path) -> Steps:
     seen["said"] = addon("operators.base").summaries.get("visualize", "")
     seen["shown"] = [space.image.name, space.image.source]
     seen["moved"] = yield from played(seen_on("IMAGE_EDITOR"))
+    # Once more with other settings, while the editor shows the sequence.
+    chosen.visualize.frames = AGAIN
+    places = yield from buttons("IMAGE_EDITOR")
+    yield from click(tallest(places))
+    yield from park("IMAGE_EDITOR")
+    yield from finished()
+    seen["said_again"] = addon("operators.base").summaries.get("visualize", "")
 
 
 def played(place: object) -> Steps:

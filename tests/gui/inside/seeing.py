@@ -82,6 +82,8 @@ def flow(mode: str, seen: dict) -> Steps:
 def preview(mode: str, seen: dict) -> Steps:
     """Drag and press Esc; then drag, turn the wheel and press Enter, and undo."""
     settings = getattr(bpy.context.scene.shock_filter, mode)
+    dial = "strength" if mode == "denoise" else "amount"
+    setattr(settings, dial, 0.5)  # so that the mouse can raise it
     places = yield from buttons()
     yield from click(places[PREVIEW[mode]])
     yield DRAWN
@@ -100,7 +102,6 @@ def preview(mode: str, seen: dict) -> Steps:
     yield from press("Escape")
     yield DRAWN
     seen["dropped"] = state()
-    dial = {"geometry": "time", "colors": "width", "denoise": "strength"}[mode]
     before = getattr(settings, dial)
     yield from park()
     seen["started"] = run("preview")
@@ -119,12 +120,12 @@ def preview(mode: str, seen: dict) -> Steps:
 
 
 def change_by_script() -> Steps:
-    """Begin with values out of the dials' ranges, move a vertex meanwhile, and see what is left."""
+    """Begin with a time out of the dial's range, move a vertex meanwhile, and see what is left."""
     vertices, settings = (
         bpy.data.objects["Monkey"].data.vertices,
         bpy.context.scene.shock_filter.geometry,
     )
-    settings.time, settings.feature_threshold = 65536.0, 5.0
+    settings.time = 65536.0
     before = [tuple(vertices[number].co) for number in (0, 1)]
     yield from park()
     bpy.context.scene.shock_filter.mode = "GEOMETRY"
@@ -143,7 +144,7 @@ def change_by_script() -> Steps:
     seen["kept"] = tuple(vertices[0].co)
     seen["back"] = tuple(vertices[1].co) == before[1]
     vertices[0].co = before[0]
-    settings.time, settings.feature_threshold = 256.0, 1.1
+    settings.time = 256.0
     yield DRAWN
 
 
