@@ -16,7 +16,7 @@ from .flow import marking
 from .flow import operator as flow_operator
 from .flow import showing as flow_shown
 from .operators import base as operators
-from .operators import comparing, filtering, properties
+from .operators import comparing, filtering, keeping, properties
 from .preview import operator as preview_operator
 from .preview import painting
 from .running import jobs, kernels, preparing
@@ -26,6 +26,7 @@ _CLASSES = (
     *jobs.CLASSES,
     *filtering.classes(),
     *comparing.CLASSES,
+    *keeping.CLASSES,
     *flow_operator.CLASSES,
     *marking.CLASSES,
     *preview_operator.CLASSES,
@@ -42,6 +43,7 @@ def _forget_file(*_: object) -> None:
     # Forget data and messages of the previous file.
     forgetting.forget_file()
     operators.summaries.clear()
+    operators.found.clear()
 
 
 @persistent

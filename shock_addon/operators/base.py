@@ -13,9 +13,9 @@ from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
 from .. import data
-from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
+from ..data.skipped import Refused, Skipped, as_reason, explain, listed, sentences
 from ..kinds import Data
-from ..modes import Mode
+from ..modes import Mode, Target
 from ..running import kernels
 from ..running.jobs import ModalJob, current, is_scene_read
 from .properties import settings_of
@@ -36,6 +36,17 @@ summaries: dict[str, str] = {}
 
 _subjects: dict[str, set[int]] = {}
 """The uids of the objects and images of these runs."""
+
+
+class Found(NamedTuple):
+    """The value that a run chose for a setting, and that in words, in the scene's units."""
+
+    value: float
+    text: str
+
+
+found: dict[str, dict[str, Found]] = {}
+"""What these runs chose for settings that were left to them, by mode and property."""
 
 listener: Any = None
 """Progress callback during `execute`, for the progress bar and Ctrl-C of the command line.
@@ -77,8 +88,8 @@ class Task(NamedTuple):
         Of `settings_of`.
     weld : bool
         Whether vertices at the same place are one.
-    findings : list of Finding
-        Remarks of the filter; filled by `run`.
+    findings : list of (target, Finding)
+        Remarks of the filter on each target; filled by `run`.
     """
 
     targets: Sequence[Any]
@@ -86,7 +97,7 @@ class Task(NamedTuple):
     name: str
     settings: Any
     weld: bool
-    findings: list[Finding]
+    findings: list[tuple[Any, Finding]]
 
     def run(self, progress: Progress) -> list[Any]:
         """Filter all targets; the result of one that fails is its error."""
@@ -97,23 +108,23 @@ class Task(NamedTuple):
         total = sum(target.surface.size for target in self.targets)
         done = 0
         results: list[Any] = []
-        with gathering() as found:
-            for target in self.targets:
-                surface = target.surface
+        for target in self.targets:
+            surface = target.surface
 
-                def part(
-                    fraction: float, message: str, done: int = done, size: int = surface.size
-                ) -> bool:
-                    return progress((done + fraction * size) / total, message)
+            def part(
+                fraction: float, message: str, done: int = done, size: int = surface.size
+            ) -> bool:
+                return progress((done + fraction * size) / total, message)
 
+            with gathering() as found:
                 try:
                     results.append(
                         self.kind.filter(surface, self.name, self.settings, self.weld, part)
                     )
                 except (InvalidMesh, InvalidSignal, InvalidUV, SolverError) as error:
                     results.append(error)
-                done += surface.size
-        self.findings.extend(found)
+            self.findings.extend((target, finding) for finding in found)
+            done += surface.size
         return results
 
 
@@ -238,6 +249,7 @@ class FilterOperator(ModalJob):
         with self._errors_reported(_FAILED):
             data.image.stand_in.put_away()
             _subjects[self.key] = data.chosen.subjects(context)
+            found.pop(self.key, None)
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)
             if self.targets:
@@ -266,8 +278,8 @@ class FilterOperator(ModalJob):
         self._forget()
 
     def tell(self, kind: str, text: str) -> None:
-        """Report the end of the run, also in the panel."""
-        super().tell(kind, text)
+        """Report the end of the run, also in the panel, which shows more lines than one."""
+        super().tell(kind, text.replace("\n", " "))
         summaries[self.key] = text
 
     def _forget(self) -> None:
@@ -305,16 +317,55 @@ class FilterOperator(ModalJob):
         statistics.learn(self, seconds - compiling)
         if listener is not None:
             listener.counts = self.counts(written)
-        # In one line: Blender's status bar shows only the last report.
         parts = [
             self.summary(written, seconds),
-            *map(explain, self._findings),
+            *self._remarks(written),
             _said_of(compiling),
             self.notes(written),
             *skipped,
         ]
-        self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))
+        between = " " if len(written) + len(skipped) == 1 else "\n"
+        self.tell("WARNING" if skipped else "INFO", between.join(filter(None, parts)))
         return {"FINISHED"}
+
+    def _remarks(self, written: list[Written]) -> list[str]:
+        """Return the remarks on each target, in a line; of several, with the names."""
+        alike: dict[str, list[str]] = {}
+        chosen = self.row.target(self)
+        for target, made, _ in written:
+            scale = self.scale_of(made)
+            remarks = [finding for of, finding in self._findings if of is target]
+            for finding in remarks:
+                found.setdefault(self.key, {}).update(_choices(chosen, finding, scale))
+            if text := " ".join(explain(finding, scale) for finding in remarks):
+                alike.setdefault(text, []).append(target.name)
+        return [
+            text if len(names) == len(written) else f"{listed(names)}: {text}"
+            for text, names in alike.items()
+        ]
+
+    def scale_of(self, made: Any) -> float:
+        """Return the scale of what was written, in whose units lengths are told; 0 for none."""
+        return 0.0
+
+
+def _choices(target: Target, finding: Finding, scale: float) -> dict[str, Found]:
+    """Return what was chosen where settings were left to the filter, by their properties."""
+    names = [name for name, about in target.fields.items() if about.auto is not None]
+    chosen = {}
+    for name in names:
+        value = finding.values.get(name.removeprefix(target.prefix))
+        if value is not None:
+            edge = getattr(value, "edge", 0.0) * scale
+            text = data.lengths.in_scene(value * edge) if edge > 0 else f"{value:.3g}"
+            chosen[name] = Found(float(value), text)
+    return chosen
+
+
+def found_by(context: bpy.types.Context, key: str, name: str) -> Found | None:
+    """Return what the last run of a mode on the selection chose for a setting left to it."""
+    same = data.chosen.subjects(context) & _subjects.get(key, set())
+    return found.get(key, {}).get(name) if same else None
 
 
 def _said_of(compiling: float) -> str:
