@@ -864,9 +864,7 @@ class NoiseSettings(_Settings):
     )
     periodic: str = _periodic()
     loop: int = _loop(advanced=True)
-    seed: int = _changed(
-        StreakSettings, "seed", 0, "Other numbers give other noise", advanced=True
-    )
+    seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise", advanced=True)
 
 
 @_fields

@@ -43,7 +43,7 @@ def _forget_file(*_: object) -> None:
     # Forget data and messages of the previous file.
     forgetting.forget_file()
     operators.summaries.clear()
-    operators.found.clear()
+    keeping.found.clear()
 
 
 @persistent

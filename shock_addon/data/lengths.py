@@ -26,7 +26,7 @@ def in_both(edges: float, edge: float) -> str:
     edge : float
         The mean edge length in the scene; 0 where it is not known.
     """
-    number = f"{edges:.2g}"
+    number = f"{float(edges):.2g}"
     text = pgettext_rpt("{number} edge length" if number == "1" else "{number} edge lengths")
     text = text.format(number=number)
     return f"{in_scene(edges * edge)} ({text})" if edge > 0 else text

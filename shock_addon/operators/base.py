@@ -18,6 +18,8 @@ from ..kinds import Data
 from ..modes import Mode, Target
 from ..running import kernels
 from ..running.jobs import ModalJob, current, is_scene_read
+from .keeping import Found, found
+from .keeping import subjects as _subjects
 from .properties import settings_of
 
 Progress = Callable[[float, str], bool]
@@ -34,19 +36,6 @@ _NOTICED = 0.5
 summaries: dict[str, str] = {}
 """The last report of each mode, or the error."""
 
-_subjects: dict[str, set[int]] = {}
-"""The uids of the objects and images of these runs."""
-
-
-class Found(NamedTuple):
-    """The value that a run chose for a setting, and that in words, in the scene's units."""
-
-    value: float
-    text: str
-
-
-found: dict[str, dict[str, Found]] = {}
-"""What these runs chose for settings that were left to them, by mode and property."""
 
 listener: Any = None
 """Progress callback during `execute`, for the progress bar and Ctrl-C of the command line.
@@ -336,7 +325,8 @@ class FilterOperator(ModalJob):
             scale = self.scale_of(made)
             remarks = [finding for of, finding in self._findings if of is target]
             for finding in remarks:
-                found.setdefault(self.key, {}).update(_choices(chosen, finding, scale))
+                of_active = _choices(chosen, finding, scale)  # which comes first
+                found[self.key] = of_active | found.get(self.key, {})
             if text := " ".join(explain(finding, scale) for finding in remarks):
                 alike.setdefault(text, []).append(target.name)
         return [
@@ -360,12 +350,6 @@ def _choices(target: Target, finding: Finding, scale: float) -> dict[str, Found]
             text = data.lengths.in_scene(value * edge) if edge > 0 else f"{value:.3g}"
             chosen[name] = Found(float(value), text)
     return chosen
-
-
-def found_by(context: bpy.types.Context, key: str, name: str) -> Found | None:
-    """Return what the last run of a mode on the selection chose for a setting left to it."""
-    same = data.chosen.subjects(context) & _subjects.get(key, set())
-    return found.get(key, {}).get(name) if same else None
 
 
 def _said_of(compiling: float) -> str:

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import bpy
-
 from bpy.app.translations import pgettext_iface as iface_
 
 from .. import data
 from ..data import PICTURES
 from ..modes import Mode, Target
-from .base import found_by
+from .keeping import found_by
 from .properties import AUTO, FROM, LENGTH
 from .wrapping import draw_text
 
@@ -136,7 +135,10 @@ def _draw_pictures(column: bpy.types.UILayout, parameters: Parameters) -> None:
 
 
 def _draw_setting(
-    row: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: Mode,
+    row: bpy.types.UILayout,
+    context: bpy.types.Context,
+    parameters: Parameters,
+    mode: Mode,
     name: str,
 ) -> None:
     """Draw a setting; where a value leaves it to the filter, behind a switch that says so.

@@ -33,9 +33,7 @@ def draw_text(
     room = _room(context) - (0.0 if icon == "NONE" else _ICON)
     letters = int(room / _PIXELS_PER_LETTER)
     lines = [
-        line
-        for part in pgettext_iface(text).split("\n")
-        for line in wrap(part, max(letters, 16))
+        line for part in pgettext_iface(text).split("\n") for line in wrap(part, max(letters, 16))
     ]
     for number, line in enumerate(lines):
         blank = "NONE" if icon == "NONE" else "BLANK1"

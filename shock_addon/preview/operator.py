@@ -18,8 +18,8 @@ from .. import data
 from ..data.skipped import Refused, Skipped, explain
 from ..modes import STEADY_STATE, Mode, find, job_of
 from ..operators import poll as obstacles
-from ..operators.choosing import mode as mode_shown
 from ..operators.base import can_run
+from ..operators.choosing import mode as mode_shown
 from ..running import jobs
 from ..running.status import StatusText
 from .pointing import editors_of, is_over_view, views_with_textures

@@ -95,6 +95,7 @@ def _draw_report(
     layout.separator(factor=0.01)
     if jobs.current() is not None:
         return
+    flow_shown.follow_settings()
     if obstacle:
         draw_text(layout, context, obstacle, icon="INFO")
     elif before := comparing.note(context):
@@ -165,7 +166,10 @@ def _draw_job(
         column.label(text=job.does)
         used = 1
     elif job.parts:
-        names = [(panel.choice, key.upper(), word) for key, word in zip(job.modes, job.parts)]
+        names = [
+            (panel.choice, key.upper(), word)
+            for key, word in zip(job.modes, job.parts, strict=True)
+        ]
         used = _draw_parts(column, context, kept, names)
     else:
         items = kept.bl_rna.properties["noisy"].enum_items
@@ -206,9 +210,7 @@ def _draw_input(
     layout.label(text=text, icon=icon, translate=False)
 
 
-def _inputs(
-    context: bpy.types.Context, mode: Mode, settings: bpy.types.PropertyGroup
-) -> list[str]:
+def _inputs(context: bpy.types.Context, mode: Mode, settings: bpy.types.PropertyGroup) -> list[str]:
     if mode.data.handled_as == "meshes":
         return [obj.name for obj in data.chosen.mesh_users(context)]
     image = data.chosen.edited_image(context)

@@ -687,19 +687,12 @@ def test_the_texture_panel_says_which_image_or_why_none(rounded_box):
     assert "there is no image named 'Wood'; choose one of the file's images." in text
 
 
-def fixed(width=280):
-    """Return what is drawn down to the button Before / After, without words."""
+def heights(width=280):
+    """Return how many rows of choices, and lines, are above the main button and Preview."""
     drawn = draw(panels.SHOCK_FILTER_PT_main, width=width)
     last = [text for _, text in drawn].index(("shock_filter.before_after",))
     rows = [name for name, _ in drawn[:last]]
-    # The second row has choices, or says in as much space what is done.
-    return rows.count("row"), rows.count("label"), rows.count("operator")
-
-
-def heights(width=280):
-    """Return how many rows lie above the main button: of choices, and labels."""
-    rows, labels, buttons = fixed(width)
-    return rows + labels
+    return rows.count("row") + rows.count("label"), rows.count("operator")
 
 
 @pytest.mark.parametrize("width", [180, 280, 500])
