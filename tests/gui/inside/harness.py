@@ -101,6 +101,34 @@ def open_tab(kind: str = "VIEW_3D") -> Steps:
     yield DRAWN
 
 
+def open_own_panel(number: int, kind: str = "VIEW_3D") -> Steps:
+    """Open a closed panel of the tab, and close all others, by Ctrl and a click on its header.
+
+    `number` counts from the bottom: -1 is the last one.
+    """
+    found = panel_headers()
+    true = tuple(getattr(*found))
+    setattr(*found, MARK)
+    yield from park(kind)
+    yield DRAWN
+    places = marked(region(kind, "UI"))
+    setattr(*found, true)
+    yield DRAWN
+    left, bottom, right, top = places[number]
+    move((left + right) / 2, (bottom + top) / 2)
+    yield 0.3
+    subprocess.run(["xdotool", "keydown", "ctrl", "click", "1", "keyup", "ctrl"], check=True)
+    yield DRAWN
+
+
+def panel_headers() -> tuple[Any, str]:
+    """Return the theme's color of the headers of panels: its owner and its name."""
+    theme = bpy.context.preferences.themes[0]
+    if hasattr(theme.user_interface, "panel_header"):  # Blender 5
+        return theme.user_interface, "panel_header"
+    return theme.view_3d.space.panelcolors, "header"
+
+
 def running() -> bool:
     """Tell whether a run is under way, or its thread has not ended yet."""
     threads = [thread.name for thread in threading.enumerate()]
