@@ -106,7 +106,7 @@ def open_own_panel(number: int, kind: str = "VIEW_3D") -> Steps:
 
     `number` counts from the bottom: -1 is the last one.
     """
-    found = panel_headers()
+    found = panel_headers(kind)
     true = tuple(getattr(*found))
     setattr(*found, MARK)
     yield from park(kind)
@@ -121,12 +121,13 @@ def open_own_panel(number: int, kind: str = "VIEW_3D") -> Steps:
     yield DRAWN
 
 
-def panel_headers() -> tuple[Any, str]:
+def panel_headers(kind: str) -> tuple[Any, str]:
     """Return the theme's color of the headers of panels: its owner and its name."""
     theme = bpy.context.preferences.themes[0]
     if hasattr(theme.user_interface, "panel_header"):  # Blender 5
         return theme.user_interface, "panel_header"
-    return theme.view_3d.space.panelcolors, "header"
+    space = theme.view_3d if kind == "VIEW_3D" else theme.image_editor
+    return space.space.panelcolors, "header"
 
 
 def running() -> bool:
