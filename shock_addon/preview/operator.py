@@ -77,10 +77,9 @@ class _Session:
         self._preview.end()
 
 
-class SHOCK_FILTER_OT_preview(bpy.types.Operator):
-    """Try settings on the active object or the image, seen at once."""
+class _PreviewOperator:
+    """What both operators have in common."""
 
-    bl_idname = "shock_filter.preview"
     bl_label = "Preview"
     bl_description = (
         "Try settings on the active object or on the image, seen at once: move the mouse to the"
@@ -232,7 +231,13 @@ def is_running() -> bool:
     return any(session.is_under_way for session in _running)
 
 
-class SHOCK_FILTER_OT_preview_generated(SHOCK_FILTER_OT_preview):
+class SHOCK_FILTER_OT_preview(_PreviewOperator, bpy.types.Operator):
+    """Try settings on the active object or the image, seen at once."""
+
+    bl_idname = "shock_filter.preview"
+
+
+class SHOCK_FILTER_OT_preview_generated(_PreviewOperator, bpy.types.Operator):
     """Try settings of what is generated, seen at once."""
 
     bl_idname = "shock_filter.preview_generated"
