@@ -15,6 +15,11 @@ def test_scenario_ran_to_its_end(report):
     assert "Traceback" not in report["output"]
 
 
+def test_own_panels_open_by_a_click(report):
+    assert report["generate"] >= 2  # Generate and Preview
+    assert report["flow"] >= 1
+
+
 def test_the_main_button_has_one_place_in_all_modes(report):
     places = list(report["tops"].values())
     assert len(places) > 5

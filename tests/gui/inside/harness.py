@@ -102,10 +102,16 @@ def open_tab(kind: str = "VIEW_3D") -> Steps:
 
 
 def open_own_panel(number: int, kind: str = "VIEW_3D") -> Steps:
-    """Open a closed panel of the tab, and close all others, by Ctrl and a click on its header.
+    """Close the tab's first panel, and open a closed one, by clicks on their headers.
 
     `number` counts from the bottom: -1 is the last one.
     """
+    yield from click_header(0, kind)
+    yield from click_header(number, kind)
+
+
+def click_header(number: int, kind: str = "VIEW_3D") -> Steps:
+    """Click on the header of one of the tab's panels."""
     found = panel_headers(kind)
     true = tuple(getattr(*found))
     setattr(*found, MARK)
@@ -114,11 +120,9 @@ def open_own_panel(number: int, kind: str = "VIEW_3D") -> Steps:
     places = marked(region(kind, "UI"))
     setattr(*found, true)
     yield DRAWN
-    left, bottom, right, top = places[number]
-    move((left + right) / 2, (bottom + top) / 2)
-    yield 0.3
-    subprocess.run(["xdotool", "keydown", "ctrl", "click", "1", "keyup", "ctrl"], check=True)
-    yield DRAWN
+    yield from click(places[number])
+    yield from park(kind)
+    yield 2 * DRAWN  # it opens slowly
 
 
 def panel_headers(kind: str) -> tuple[Any, str]:
