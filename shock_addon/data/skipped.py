@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING
 
 from bpy.app.translations import pgettext_rpt
 
-from ...core.base.findings import EdgeLengths
 from ...core.errors import ShockError
-from .lengths import in_both
 
 if TYPE_CHECKING:
     from ...core.base.findings import Finding
@@ -57,8 +55,10 @@ def explain(error: "ShockError | Refused | Finding", scale: float = 0.0) -> str:
     """
     if isinstance(error, Refused):
         return str(error)
+    from .lengths import in_both
+
     values = {
-        name: in_both(value, value.edge * scale) if isinstance(value, EdgeLengths) else value
+        name: in_both(value, value.edge * scale) if hasattr(value, "edge") else value
         for name, value in error.values.items()
     }
     return _said(error.sentence, values)

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_iface
 _PIXELS_PER_LETTER = 6.4
 _WIDE_LETTER = 1.8  # letters
 _SIDES = 45.0  # pixels of a sidebar beside what is drawn
-_EDGES = 10.0  # pixels of a button beside its words
+_EDGES = 7.7  # pixels of a button beside its words
 _ICON = 40.0  # pixels, with some to spare for wide letters
 
 # Chinese and Japanese may break after each letter, but not before closing marks.
