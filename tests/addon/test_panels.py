@@ -4,13 +4,14 @@
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import showing as flow_shown
 from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import statistics
+from shock_filter.shock_addon.operators import keeping, statistics
 from shock_filter.shock_addon.running import jobs, kernels, preparing
 from shock_filter.shock_addon.ui import menus, panels
 
@@ -891,3 +892,55 @@ def test_low_poly_is_not_cut_off():
     at = [n for n, (_, text) in enumerate(drawn) if text in OF_CREASES]
     between = [name for name, _ in drawn[at[1] : at[2]]]
     assert "row" in between  # not all in one
+
+
+def test_reports_of_several_objects_have_a_line_for_each(rounded_box, select):
+    box = rounded_box()
+    bpy.ops.mesh.primitive_uv_sphere_add(location=(4, 0, 0))
+    ball = bpy.context.object
+    select(box, ball)
+    bpy.ops.shock_filter.sharpen_geometry()
+    said = operators.summaries["geometry"].splitlines()
+    of_ball = [line for line in said if line.startswith(f"{ball.name}: ")]
+    of_box = [line for line in said if line.startswith(f"{box.name}: ")]
+    assert (len(of_box), len(of_ball)) == (1, 1)
+    assert "Where to Everywhere" in of_ball[0]
+    assert "Where to Everywhere" not in of_box[0]
+    assert "edge length" in said[0]
+    assert " cm (" in said[0] or " m (" in said[0]
+    drawn = report_of(draw(panels.SHOCK_FILTER_PT_main, width=2000))
+    assert drawn == said  # each on a line of its own
+
+
+def test_what_auto_chose_is_shown_and_can_be_kept():
+    image = bpy.data.images.new("Noisy", 48, 48)
+    noise = np.random.default_rng(0).normal(0.5, 0.05, 4 * 48 * 48).astype(np.float32)
+    image.pixels.foreach_set(noise)
+    scene = bpy.context.scene.shock_filter
+    scene.image_mode = "DENOISE_IMAGE"
+    main = panels.SHOCK_FILTER_PT_image_main
+    assert ("shock_filter.keep_auto",) not in words(draw(main, image), "operator")
+    bpy.ops.shock_filter.denoise_image(image="Noisy", alpha="none")
+    shown = bpy.data.images["Noisy denoised"]
+    drawn = draw(main, shown)
+    assert ("shock_filter.keep_auto",) in words(drawn, "operator")
+    (kept,) = [
+        each for each in words(drawn, "set") if hasattr(each, "name") and each.name == "beta"
+    ]
+    assert (kept.mode, kept.name) == ("denoise_image", "beta")
+    chosen = keeping.found_by(context_in("IMAGE_EDITOR", shown), kept.mode, kept.name)
+    assert f"Keep Edges {chosen.text}." in operators.summaries["denoise_image"]
+    assert keeping.found_by(context_in("IMAGE_EDITOR", image), "image", "width") is None
+
+
+def test_keep_puts_lengths_into_the_field_as_the_report_gives_them(rounded_box):
+    rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry()
+    chosen = keeping.found_by(bpy.context, "geometry", "widest_fillet")
+    assert chosen.text.endswith("m")  # in the scene's units
+    assert bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet") == {"FINISHED"}
+    settings = bpy.context.scene.shock_filter.geometry
+    assert settings.widest_fillet == pytest.approx(chosen.value) != 0.0
+    rounded_box(location=(4, 0, 0))
+    with pytest.raises(RuntimeError, match="run it first"):
+        bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")
