@@ -60,6 +60,10 @@ class Setting(NamedTuple):
         A value with which the filter is fast and compiles the same code.
     tried_at_most : float
         The largest value in previews, which must be fast.
+    auto : float or None
+        The value that leaves it to the filter; None if there is none.
+    usual : float
+        Where there is one: a value to start from without it.
     """
 
     description: str
@@ -78,6 +82,8 @@ class Setting(NamedTuple):
     rehearsed: tuple[Any, ...] = ()
     brief: Any = None
     tried_at_most: float = INF
+    auto: float | None = None
+    usual: float = 0.0
 
 
 def _setting(default: Any, description: str, **about: Any) -> Any:
@@ -366,6 +372,8 @@ class ShockSettings(_Settings):
         length_power=1,
         counts_in="edges",
         role="width",
+        auto=0.0,
+        usual=4.0,
     )
     amount: float = _amount()
     time: float = _changed(
@@ -377,6 +385,8 @@ class ShockSettings(_Settings):
         " 4096 wide ones; infinity is the steady state",
         minimum=BY_WIDTH,
         advanced=True,
+        auto=BY_WIDTH,
+        usual=256.0,
     )
     smoothing_passes: int = _changed(_FlowSettings, "smoothing_passes", 1, advanced=True)
     channels: str = _setting(
@@ -462,6 +472,7 @@ class DilateSettings(_Settings):
         unit="texels",
         maximum=1024,
         soft_maximum=64,
+        advanced=True,
         of_data=True,
     )
     background: str = _setting(
@@ -483,6 +494,7 @@ class DilateSettings(_Settings):
             "continue": "What the surface has beyond the seam, whatever its color",
             "extend": "More of the same: no color crosses a seam",
         },
+        advanced=True,
         of_data=True,
     )
 
@@ -638,6 +650,8 @@ class DistanceSettings(_Settings):
         soft_maximum=10.0,
         length_power=1,
         role="width",
+        auto=0.0,
+        usual=1.0,
     )
     smoothing: float = _setting(
         0.0,
@@ -645,6 +659,7 @@ class DistanceSettings(_Settings):
         unit="mean texel sizes on the surface",
         maximum=1e4,
         soft_maximum=100.0,
+        advanced=True,
         length_power=1,
         counts_in="texels",
     )
@@ -752,6 +767,7 @@ def _step() -> Any:
         unit="pixels",
         maximum=1000.0,
         soft_maximum=10.0,
+        label="Speed",
     )
 
 
@@ -769,7 +785,7 @@ def _periodic() -> Any:
     )
 
 
-def _loop() -> Any:
+def _loop(advanced: bool = False) -> Any:
     return _setting(
         0,
         "Over how many frames the end becomes the beginning, so that the frames repeat without a"
@@ -777,6 +793,7 @@ def _loop() -> Any:
         unit="frames",
         maximum=10_000,
         soft_maximum=100,
+        advanced=advanced,
         rehearsed=(2,),
     )
 
@@ -805,9 +822,10 @@ class NoiseSettings(_Settings):
         unit="pixels",
         maximum=100,
         soft_maximum=20,
+        advanced=True,
         rehearsed=(4,),
     )
-    contrast: float = _changed(StreakSettings, "contrast", 1.0)
+    contrast: float = _changed(StreakSettings, "contrast", 1.0, advanced=True)
     speed_mask: float = _setting(
         0.0,
         "How much fast places stand out: slow ones let the background through. 0 shows all alike;"
@@ -815,6 +833,7 @@ class NoiseSettings(_Settings):
         unit="exponent",
         maximum=100.0,
         soft_maximum=6.0,
+        advanced=True,
     )
     noise_mask: float = _setting(
         0.0,
@@ -823,6 +842,7 @@ class NoiseSettings(_Settings):
         unit="exponent",
         maximum=100.0,
         soft_maximum=6.0,
+        advanced=True,
     )
     injection: float = _setting(
         0.025,
@@ -843,8 +863,8 @@ class NoiseSettings(_Settings):
         advanced=True,
     )
     periodic: str = _periodic()
-    loop: int = _loop()
-    seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise")
+    loop: int = _loop(advanced=True)
+    seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise", advanced=True)
 
 
 @_fields
@@ -960,6 +980,8 @@ class GeometrySettings(FitSettings, _FlowSettings):
         length_power=1,
         counts_in="edges",
         label="Widest Fillet",
+        auto=0.0,
+        usual=2.0,
     )
     amount: float = _amount()
     time: float = _changed(_FlowSettings, "time", 256.0, advanced=True)
@@ -1107,6 +1129,8 @@ def _kernel_beta_by_noise(lengths: str) -> Any:
         counts_in=lengths,
         label="Keep Edges",
         role="edges",
+        auto=BY_NOISE,
+        usual=BETA_UNKNOWN,
     )
 
 
@@ -1212,6 +1236,8 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         unit="mean edge lengths",
         maximum=20.0,
         soft_maximum=8.0,
+        auto=0.0,
+        usual=4.0,
     )
     keep_creases: float = _setting(
         0.5,

@@ -16,7 +16,7 @@ from .flow import marking
 from .flow import operator as flow_operator
 from .flow import showing as flow_shown
 from .operators import base as operators
-from .operators import comparing, filtering, linking, properties
+from .operators import comparing, filtering, keeping, linking, properties
 from .preview import operator as preview_operator
 from .preview import painting
 from .running import jobs, kernels, preparing
@@ -26,6 +26,7 @@ _CLASSES = (
     *jobs.CLASSES,
     *filtering.classes(),
     *comparing.CLASSES,
+    *keeping.CLASSES,
     *linking.CLASSES,
     *flow_operator.CLASSES,
     *marking.CLASSES,
@@ -43,6 +44,7 @@ def _forget_file(*_: object) -> None:
     # Forget data and messages of the previous file.
     forgetting.forget_file()
     operators.summaries.clear()
+    keeping.found.clear()
 
 
 @persistent

@@ -74,6 +74,9 @@ class Target(Row):
         Settings that mouse and wheel change in a preview, empty for none. None for the time and
         the mode's `second`. If a time is given under Advanced, the mouse changes that, and the
         wheel the first one.
+    first : tuple of str or None
+        Settings that are shown at first, all others under Advanced. None for what the settings
+        say themselves.
     """
 
     filter: str
@@ -84,6 +87,13 @@ class Target(Row):
     kind: str = ""
     defaults: Mapping[str, Any] = {}
     dials: tuple[str, str] | None = None
+    first: tuple[str, ...] | None = None
+
+    def is_advanced(self, name: str) -> bool:
+        """Whether a property of its settings is shown under Advanced."""
+        if self.first is None:
+            return self.fields[name].advanced
+        return name.removeprefix(self.prefix) not in self.first
 
     @property
     def row(self) -> registry.Filter:
@@ -206,10 +216,11 @@ class Mode(Row):
     icon : str
         Of the button.
     presets : tuple of Preset
-        In the order of the list that the panel's header opens.
+        In the order of the panel's list.
+    former : tuple of Preset
+        Those that are not offered any more; scripts that name them get them.
     within : str
-        Key of the mode whose settings it uses, and below whose button its own is; it then has
-        neither a choice nor presets of its own.
+        Key of the mode whose settings it uses; it then has no presets of its own.
     """
 
     key: str
@@ -229,6 +240,7 @@ class Mode(Row):
     flow: str = ""
     icon: str = "SHARPCURVE"
     presets: tuple[Preset, ...] = ()
+    former: tuple[Preset, ...] = ()
     within: str = ""
 
     def target(self, parameters: Any) -> Target:
@@ -264,8 +276,8 @@ class Mode(Row):
 
     @property
     def has_preview(self) -> bool:
-        """Whether it has a preview; films do not."""
-        return self.data.handled_as != "films"
+        """Whether it has a preview; films do not, nor what is beside the charts only."""
+        return self.data.handled_as != "films" and not self.targets[0].row.fills_gutter
 
     @property
     def follows(self) -> type | None:
@@ -342,18 +354,13 @@ MODES: list[Mode] = [
                 {"then_sharpen": True, "sharpen_time": 1024.0},
             ),
             Preset(
-                "As in the Paper",
-                "For a filter that can be set: the Beltrami kernel, the default of earlier"
-                " versions. Noise of one strength goes all over the mesh; fine relief goes with it",
-                {"method": "beltrami"},
-            ),
-            Preset(
                 "Noisy Vertex Colors",
                 "For photographed colors: keeps edges better than the default, averages three"
                 " times, and leaves about half the noise",
                 {"target": "colors", "color_beta": 6.0, "color_iterations": 3},
             ),
         ),
+        former=(Preset("As in the Paper", "", {"method": "beltrami"}),),
     ),
     Mode(
         "denoise_image",
@@ -411,6 +418,7 @@ MODES: list[Mode] = [
         (Target("sharpen_geometry", dials=("amount", "widest_fillet")),),
         "Sharpened",
         "geometry",
+        announced="Will sharpen: {}",
         advice="Sharp creases stay as they are; for wide or gentle ones raise Time or lower"
         " Threshold.",
         nothing="Found nothing to sharpen in {meshes}: {changes}, {seconds:.1f} s.",
@@ -421,12 +429,6 @@ MODES: list[Mode] = [
                 "For surfaces that are nearly right: creases tighten, and vertices move less far"
                 " than by default. Gentle curves stay as they are",
                 {"time": 16.0, "feature_threshold": 1.3},
-            ),
-            Preset(
-                "Remeshed Hard Surface",
-                "For machine parts out of a voxel remesh or a boolean: most saw-teeth and chamfers"
-                " become straight creases; round surfaces, and what is sharp already, stay",
-                {"align_passes": 3, "fit_steps": 25},
             ),
             Preset(
                 "Crisp CAD Edges",
@@ -446,12 +448,10 @@ MODES: list[Mode] = [
                     "sampling": "linear",
                 },
             ),
-            Preset(
-                "As in the Paper",
-                "For what the default leaves: the paper's filter and nothing else. Sharpens round"
-                " surfaces, too; the default of earlier versions",
-                OF_PAPER,
-            ),
+        ),
+        former=(
+            Preset("Remeshed Hard Surface", "", {"align_passes": 3, "fit_steps": 25}),
+            Preset("As in the Paper", "", OF_PAPER),
         ),
     ),
     Mode(
@@ -463,6 +463,7 @@ MODES: list[Mode] = [
         (Target("sharpen_vertex_signal", dials=("amount", "width")),),
         "Sharpened",
         "colors",
+        announced="Will sharpen: {}",
         advice="for wider edges raise Width",
         flow="Where colors are pulled: to the edges between them",
         presets=(
@@ -489,6 +490,7 @@ MODES: list[Mode] = [
         (Target("sharpen_image", dials=("amount", "width")),),
         "Sharpened",
         "images",
+        announced="Will sharpen: {}",
         advice="for wider edges raise Width",
         about_in_images="Sharpen it as a flat picture",
         presets=(
@@ -603,6 +605,7 @@ MODES: list[Mode] = [
         (Target("stitch_textures", kind="stitch", dials=("radius", "")),),
         "Stitched",
         "stitch",
+        announced="Will stitch: {}",
         advice="steps that are still seen need a larger Radius",
         about_in_images="Take away the steps at its seams on the surface of the selected objects"
         " that show it, or join it with other pictures of them",
@@ -782,19 +785,104 @@ MODES: list[Mode] = [
     ),
     Mode(
         "dilate",
-        "",
-        "",
+        "Dilate",
+        "Fill the texture around its charts with what lies across the UV seams",
         "dilate_texture",
         "Fill the texture around its charts with what lies across the UV seams, so that none shows",
-        (Target("dilate_texture"),),
+        (Target("dilate_texture", first=("gutter", "seams")),),
         "Dilated",
         "textures#dilate-texture",
         changes="filled {changed:,} of {total:,} pixels",
+        announced="Will dilate: {}",
         icon="UV_ISLANDSEL",
         within="texture",
     ),
 ]
 """All rows, in the order of the panel's choices."""
+
+
+class Job(Row):
+    """A button in the panel's first row, which leads to one mode or to several.
+
+    Attributes
+    ----------
+    key, label, about : str
+        For the choice.
+    modes : tuple of str
+        Their keys, the first one for the first click.
+    parts : tuple of str
+        What the second row calls these; empty for other words.
+    does : str
+        What stands in place of a second row where there is one mode only.
+    """
+
+    key: str
+    label: str
+    about: str
+    modes: tuple[str, ...]
+    parts: tuple[str, ...] = ()
+    does: str = ""
+
+
+_TEXTURE = Job(
+    "TEXTURE",
+    "Texture",
+    "Work on an image on the surface that shows it, across seams",
+    ("texture", "detail", "stitch", "dilate"),
+    ("Sharpen", "Detail", "Stitch", "Dilate"),
+)
+
+JOBS = {
+    "mode": (
+        Job(
+            "GEOMETRY",
+            "Geometry",
+            "Move vertices so that rounded creases become sharp",
+            ("geometry",),
+            does="Rounded creases become sharp.",
+        ),
+        Job(
+            "DENOISE",
+            "Denoise",
+            "Remove noise from a mesh, its colors or its texture; creases and edges stay",
+            ("denoise", "denoise_texture"),
+        ),
+        Job(
+            "COLORS",
+            "Colors",
+            "Move the colors on the surface so that blurred edges in them become sharp",
+            ("colors",),
+            does="Blurred edges become sharp.",
+        ),
+        _TEXTURE,
+    ),
+    "image_mode": (
+        Job(
+            "IMAGE",
+            "Image",
+            "Sharpen it as a flat picture",
+            ("image",),
+            does="Blurred edges become sharp.",
+        ),
+        Job(
+            "DENOISE",
+            "Denoise",
+            "Remove noise from the image, flat or on the surface that shows it; edges stay",
+            ("denoise_image", "denoise_texture"),
+            ("Image", "Texture"),
+        ),
+        _TEXTURE,
+    ),
+}
+"""The first row of the panel in the 3D view and in the Image Editor, by the property of the mode.
+
+The modes of no job have panels of their own.
+"""
+
+
+def job_of(choice: str, mode: Mode) -> Job | None:
+    """Return the button that leads to a mode; None if the mode has a panel of its own."""
+    return next((job for job in JOBS[choice] if mode.key in job.modes), None)
 
 
 def find(key: str) -> Mode:
@@ -807,6 +895,6 @@ def choices() -> list[Mode]:
     return [mode for mode in MODES if not mode.within]
 
 
-def below(mode: Mode) -> list[Mode]:
-    """List the modes whose buttons are below that of a mode."""
+def within(mode: Mode) -> list[Mode]:
+    """List the modes that use the settings of a mode."""
     return [each for each in MODES if each.within == mode.key]

@@ -12,13 +12,46 @@ from typing import Any, NamedTuple
 
 
 class Finding(NamedTuple):
-    """A sentence with fields in braces and their values, as in a `ShockError`."""
+    """A sentence with fields in braces and their values, as in a `ShockError`.
+
+    A value that is named as a setting is what the filter chose where that was left to it.
+    """
 
     sentence: str
     values: dict[str, Any]
 
     def __str__(self) -> str:
         return self.sentence.format(**self.values)
+
+
+class EdgeLengths(float):
+    """A length of a mesh in mean edge lengths; as a text it says so, whatever the format.
+
+    Parameters
+    ----------
+    value : float
+    edge : float
+        The mean edge length, in units of the mesh.
+
+    Examples
+    --------
+    >>> from shock_filter.core.base.findings import EdgeLengths
+    >>> f"{EdgeLengths(1.25, 0.1)}, {EdgeLengths(1.0, 0.1)}"
+    '1.2 edge lengths, 1 edge length'
+    """
+
+    edge: float
+
+    def __new__(cls, value: float, edge: float) -> "EdgeLengths":
+        """Make a number with a unit."""
+        self = super().__new__(cls, value)
+        self.edge = edge
+        return self
+
+    def __format__(self, _: str) -> str:
+        """Return the number and its unit."""
+        number = f"{float(self):.2g}"
+        return f"{number} edge length" if number == "1" else f"{number} edge lengths"
 
 
 _listening: ContextVar[list[Finding] | None] = ContextVar("shock_filter_findings", default=None)

@@ -36,6 +36,8 @@ class Reshaped:
         Number of vertices that moved visibly.
     largest_move : float
         In mean edge lengths.
+    edge_length : float
+        The mean edge length, as lengths are measured.
     creases : CreaseEdges or None
         Edges of creases: those that were closed and those that were sharp before; None where these
         are not asked for, or not looked for.
@@ -44,6 +46,7 @@ class Reshaped:
     positions: npt.NDArray[np.float32]
     moved: int
     largest_move: float
+    edge_length: float
     creases: CreaseEdges | None = None
 
 
@@ -131,4 +134,5 @@ def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Re
             positions=new,
             moved=int(np.count_nonzero(lengths[part.index] > _VISIBLE)),
             largest_move=float(lengths.max()),
+            edge_length=mesh.mean_edge_length,
         )

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.findings import tell
+from ..base.findings import EdgeLengths, tell
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import phase
@@ -52,6 +52,9 @@ passes compares with that over 2 there, after a remesh: measured."""
 _MARGIN = 0.03
 """Within this of the asked for width, by the same measure, roundings close in part."""
 
+_NEARLY_ALL = 0.95
+"""Share of the crests whose roundings the widest fillet that is told closes."""
+
 _CLEAR = 6.0, 10.0
 """Degrees by which normals turn at what counts as a rounding, and fully; for Widest Fillet."""
 
@@ -76,6 +79,8 @@ class Creases(NamedTuple):
         surely one, near 0 where something is smoothed, or where nothing turns.
     radius : float
         Of the rounding of most creases that are closed, in mean edge lengths.
+    widest : float
+        The widest fillet that closes nearly all of them.
     too_wide : bool
         Whether some are left as they are, as their rounding is wider than asked for.
     """
@@ -84,6 +89,7 @@ class Creases(NamedTuple):
     shares: Floats
     sided: npt.NDArray[np.float32]
     radius: float
+    widest: float
     too_wide: bool
 
     def among(self, chosen: npt.NDArray[np.bool_]) -> Creases:
@@ -115,12 +121,15 @@ def tell_creases(
                 " Where to Everywhere."
             )
     elif creases.radius < 1:
-        tell("Closed creases that were blunt by about an edge length; smooth parts stay.")
+        tell(
+            "Closed creases that were blunt by about an edge length; smooth parts stay.",
+            widest_fillet=EdgeLengths(creases.widest, mesh.mean_edge_length),
+        )
     else:
         tell(
-            "Closed creases that were rounded over a radius of {radius:.1f} edge lengths; smooth"
-            " parts stay.",
-            radius=creases.radius,
+            "Closed creases that were rounded over a radius of {radius}; smooth parts stay.",
+            radius=EdgeLengths(creases.radius, mesh.mean_edge_length),
+            widest_fillet=EdgeLengths(creases.widest, mesh.mean_edge_length),
         )
         tell("To keep threads and fillets, set Widest Fillet below that.")
 
@@ -144,7 +153,7 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
         found, scores = weighed(mesh, settings)
     if len(found.rows) == 0:
         none = np.zeros(mesh.face_count)
-        return Creases(mesh.normals, none, none.astype(np.float32), 0.0, False)
+        return Creases(mesh.normals, none, none.astype(np.float32), 0.0, 0.0, False)
     with phase(0.8, 0.9, message):
         normals, weights = mixture(found.normals, scores)
     sided = weights[:, TAKES_SIDES:].sum(axis=1)
@@ -163,7 +172,8 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
         normals, shares = _taken(mesh, found.rows, normals)
     everywhere = np.zeros(mesh.face_count, dtype=np.float32)
     everywhere[found.rows] = sided
-    return Creases(normals, shares, everywhere, _radius(mesh, found, crest, shares), too_wide)
+    radii = _radii(mesh, found, crest, shares)
+    return Creases(normals, shares, everywhere, *radii, too_wide)
 
 
 def weighed(mesh: TriangleMesh, settings: GeometrySettings) -> tuple[Candidates, Singles]:
@@ -222,11 +232,16 @@ def _fillets(
     return wide, (1.0 - wide) * clear
 
 
-def _radius(mesh: TriangleMesh, found: Candidates, crest: Floats, shares: Floats) -> float:
+def _radii(
+    mesh: TriangleMesh, found: Candidates, crest: Floats, shares: Floats
+) -> tuple[float, float]:
+    # The radius of most roundings that close, and the widest fillet that closes nearly all.
     at = (crest > 0) & (greatest_to_vertices(mesh, shares) > 0.5)
     if not at.any():
-        return 0.0
-    return float(np.interp(np.median(widths(found)[at]), *WIDTHS[::-1]))
+        return 0.0, 0.0
+    most, widest = np.quantile(widths(found)[at], (0.5, _NEARLY_ALL))
+    radius, reach = np.interp((most, widest + _MARGIN), *WIDTHS[::-1])
+    return float(radius), float(reach)
 
 
 def widths(found: Candidates) -> Floats:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         arrays,
         chosen,
         image,
+        lengths,
         materials,
         mesh,
         replaced,

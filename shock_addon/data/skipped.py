@@ -44,11 +44,24 @@ def skip_if(reason: str) -> None:
         raise Skipped(reason)
 
 
-def explain(error: "ShockError | Refused | Finding") -> str:
-    """Return an error or a finding as a sentence in the language of the interface."""
+def explain(error: "ShockError | Refused | Finding", scale: float = 0.0) -> str:
+    """Return an error or a finding as a sentence in the language of the interface.
+
+    Parameters
+    ----------
+    error : ShockError, Refused or Finding
+    scale : float
+        Of the object in the scene, in whose units lengths are given; 0 where there is none.
+    """
     if isinstance(error, Refused):
         return str(error)
-    return _said(error.sentence, error.values)
+    from .lengths import in_both
+
+    values = {
+        name: in_both(value, value.edge * scale) if hasattr(value, "edge") else value
+        for name, value in error.values.items()
+    }
+    return _said(error.sentence, values)
 
 
 def as_reason(sentence: str) -> str:
@@ -77,12 +90,12 @@ def sentences(left: list[tuple[str, str]]) -> list[str]:
             "Skipped {names}: {reason}."
             if len(alike) == 1
             else "Skipped {number:,} objects ({names}), each because {reason}."
-        ).format(number=len(alike), names=_listed(alike), reason=reason)
+        ).format(number=len(alike), names=listed(alike), reason=reason)
         for reason, alike in names.items()
     ]
 
 
-def _listed(names: list[str]) -> str:
+def listed(names: list[str]) -> str:
     if len(names) <= _MOST_NAMES:
         return ", ".join(names)
     return pgettext_rpt("{names} and {number:,} more").format(

@@ -12,12 +12,13 @@ import gpu
 import numpy as np
 import numpy.typing as npt
 from bpy.app.translations import pgettext_iface as iface_
+from bpy.app.translations import pgettext_rpt
 from gpu_extras.batch import batch_for_shader
 
 from ...core.host.creases import FoundCreases, creases_of
 from .. import data
 from ..modes import find
-from ..operators import views
+from ..operators import base, views
 from ..operators.properties import settings_of
 from .overlay import Overlay, is_seen
 
@@ -51,7 +52,8 @@ class CreasesOfMesh:
         parameters: bpy.types.PropertyGroup,
         found: FoundCreases,
     ) -> None:
-        self._surface, self._weld = surface, parameters.weld
+        self.report = ""
+        self._name, self._surface, self._weld = obj.name, surface, parameters.weld
         self._polygons = len(obj.data.polygons)
         self._settings = settings_of(find("geometry"), parameters)
         self._found = found
@@ -70,7 +72,13 @@ class CreasesOfMesh:
             return self._found, False
         self._settings = settings
         self._found = creases_of(self._surface, settings, self._weld)
+        if self.report and base.summaries.get("geometry") == self.report:
+            self.say(said_of(self._name, self._found.lines))
         return self._found, True
+
+    def say(self, report: str) -> None:
+        """Let the panel show a report, which follows what is drawn."""
+        self.report = base.summaries["geometry"] = report
 
     def segments(self) -> dict[str, npt.NDArray[np.float32]]:
         """Give both ends of each edge of the lines (k, 3), by what becomes of them."""
@@ -81,6 +89,12 @@ class CreasesOfMesh:
             for state in _COLORS
             if (edges := [line.edges for line in found.lines if line.state == state])
         }
+
+
+def said_of(name: str, lines: list[Any]) -> str:
+    """Return the report of what is drawn over an object."""
+    text = pgettext_rpt("Creases of {name}: {counts}.")
+    return text.format(name=name, counts=counts_of(lines))
 
 
 def counts_of(lines: list[Any]) -> str:

@@ -183,9 +183,12 @@ class SHOCK_FILTER_OT_show_creases(_CreaseOperator, bpy.types.Operator):
         from . import creases
 
         ((_, obj, found),) = written
-        text = pgettext_rpt("Creases of {name}: {counts}, {seconds:.1f} s.")
-        counts = creases.counts_of(found.lines)
-        return text.format(name=obj.name, counts=counts, seconds=seconds)
+        return creases.said_of(obj.name, found.lines)
+
+    def tell(self, kind: str, text: str) -> None:
+        """Report, and let the report follow what is drawn."""
+        super().tell(kind, text)
+        shown.say(text)
 
 
 class SHOCK_FILTER_OT_hide_creases(bpy.types.Operator):

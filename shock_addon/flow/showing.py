@@ -51,6 +51,18 @@ def show(obj: bpy.types.Object, found: Any) -> None:
     views.redraw()
 
 
+def say(report: str) -> None:
+    """Let a report on the creases that are shown follow them."""
+    if _shown is not None and _shown.found.kind == "creases":
+        _shown.found.say(report)
+
+
+def follow_settings() -> None:
+    """Find what is shown anew if the panel's settings have changed, for the report."""
+    if _shown is not None and _shown.found.kind == "creases":
+        _shown.found.now()
+
+
 def hide(*_: object) -> None:
     """Draw nothing any more."""
     global _shown

@@ -13,11 +13,13 @@ from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
 from .. import data
-from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
+from ..data.skipped import Refused, Skipped, as_reason, explain, listed, sentences
 from ..kinds import Data
-from ..modes import Mode
+from ..modes import Mode, Target
 from ..running import kernels
 from ..running.jobs import ModalJob, current, is_scene_read
+from .keeping import Found, found
+from .keeping import subjects as _subjects
 from .properties import settings_of
 
 Progress = Callable[[float, str], bool]
@@ -34,8 +36,6 @@ _NOTICED = 0.5
 summaries: dict[str, str] = {}
 """The last report of each mode, or the error."""
 
-_subjects: dict[str, set[int]] = {}
-"""The uids of the objects and images of these runs."""
 
 listener: Any = None
 """Progress callback during `execute`, for the progress bar and Ctrl-C of the command line.
@@ -77,8 +77,8 @@ class Task(NamedTuple):
         Of `settings_of`.
     weld : bool
         Whether vertices at the same place are one.
-    findings : list of Finding
-        Remarks of the filter; filled by `run`.
+    findings : list of (target, Finding)
+        Remarks of the filter on each target; filled by `run`.
     """
 
     targets: Sequence[Any]
@@ -86,7 +86,7 @@ class Task(NamedTuple):
     name: str
     settings: Any
     weld: bool
-    findings: list[Finding]
+    findings: list[tuple[Any, Finding]]
 
     def run(self, progress: Progress) -> list[Any]:
         """Filter all targets; the result of one that fails is its error."""
@@ -97,23 +97,23 @@ class Task(NamedTuple):
         total = sum(target.surface.size for target in self.targets)
         done = 0
         results: list[Any] = []
-        with gathering() as found:
-            for target in self.targets:
-                surface = target.surface
+        for target in self.targets:
+            surface = target.surface
 
-                def part(
-                    fraction: float, message: str, done: int = done, size: int = surface.size
-                ) -> bool:
-                    return progress((done + fraction * size) / total, message)
+            def part(
+                fraction: float, message: str, done: int = done, size: int = surface.size
+            ) -> bool:
+                return progress((done + fraction * size) / total, message)
 
+            with gathering() as found:
                 try:
                     results.append(
                         self.kind.filter(surface, self.name, self.settings, self.weld, part)
                     )
                 except (InvalidMesh, InvalidSignal, InvalidUV, SolverError) as error:
                     results.append(error)
-                done += surface.size
-        self.findings.extend(found)
+            self.findings.extend((target, finding) for finding in found)
+            done += surface.size
         return results
 
 
@@ -238,6 +238,7 @@ class FilterOperator(ModalJob):
         with self._errors_reported(_FAILED):
             data.image.stand_in.put_away()
             _subjects[self.key] = data.chosen.subjects(context)
+            found.pop(self.key, None)
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)
             if self.targets:
@@ -266,8 +267,8 @@ class FilterOperator(ModalJob):
         self._forget()
 
     def tell(self, kind: str, text: str) -> None:
-        """Report the end of the run, also in the panel."""
-        super().tell(kind, text)
+        """Report the end of the run, also in the panel, which shows more lines than one."""
+        super().tell(kind, text.replace("\n", " "))
         summaries[self.key] = text
 
     def _forget(self) -> None:
@@ -305,16 +306,50 @@ class FilterOperator(ModalJob):
         statistics.learn(self, seconds - compiling)
         if listener is not None:
             listener.counts = self.counts(written)
-        # In one line: Blender's status bar shows only the last report.
         parts = [
             self.summary(written, seconds),
-            *map(explain, self._findings),
+            *self._remarks(written),
             _said_of(compiling),
             self.notes(written),
             *skipped,
         ]
-        self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))
+        between = " " if len(written) + len(skipped) == 1 else "\n"
+        self.tell("WARNING" if skipped else "INFO", between.join(filter(None, parts)))
         return {"FINISHED"}
+
+    def _remarks(self, written: list[Written]) -> list[str]:
+        """Return the remarks on each target, in a line; of several, with the names."""
+        alike: dict[str, list[str]] = {}
+        chosen = self.row.target(self)
+        for target, made, _ in written:
+            scale = self.scale_of(made)
+            remarks = [finding for of, finding in self._findings if of is target]
+            for finding in remarks:
+                of_active = _choices(chosen, finding, scale)  # which comes first
+                found[self.key] = of_active | found.get(self.key, {})
+            if text := " ".join(explain(finding, scale) for finding in remarks):
+                alike.setdefault(text, []).append(target.name)
+        return [
+            text if len(names) == len(written) else f"{listed(names)}: {text}"
+            for text, names in alike.items()
+        ]
+
+    def scale_of(self, made: Any) -> float:
+        """Return the scale of what was written, in whose units lengths are told; 0 for none."""
+        return 0.0
+
+
+def _choices(target: Target, finding: Finding, scale: float) -> dict[str, Found]:
+    """Return what was chosen where settings were left to the filter, by their properties."""
+    names = [name for name, about in target.fields.items() if about.auto is not None]
+    chosen = {}
+    for name in names:
+        value = finding.values.get(name.removeprefix(target.prefix))
+        if value is not None:
+            edge = getattr(value, "edge", 0.0) * scale
+            text = data.lengths.in_scene(value * edge) if edge > 0 else f"{value:.3g}"
+            chosen[name] = Found(float(value), text)
+    return chosen
 
 
 def _said_of(compiling: float) -> str:

@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from .. import data
 from ..data import PICTURES
 from ..modes import Mode, Target
+from .keeping import found_by
+from .properties import AUTO, FROM, LENGTH
 from .wrapping import draw_text
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
@@ -34,7 +37,14 @@ def draw_after_run(
     if hasattr(parameters, "image"):
         column.prop_search(parameters, "image", bpy.data, "images")
     draw_main(layout, context, parameters, mode)
-    if "vertex_group" in names:
+    draw_sections(layout, context, parameters, mode)
+
+
+def draw_sections(
+    layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: Mode
+) -> None:
+    """Draw the masks, the output and what few need, folded."""
+    if "vertex_group" in mode.names_for(parameters):
         section = _section(layout, mode, "Mask")
         if section:
             draw_mask(section, context, parameters, mode)
@@ -64,24 +74,25 @@ def draw_main(
         _draw_pictures(column, parameters)
     if "maps" in target.places:
         column.prop(parameters, "maps")
-    for name, about in target.fields.items():
-        if about.advanced:
+    _draw_starts(column, context, parameters, target)
+    for name in target.fields:
+        if target.is_advanced(name) or (name == "source" and hasattr(parameters, FROM)):
             continue
         row = column.row()
         if name == target.time:
             _draw_time(column, row, parameters, target)
+        elif name == "blending":
+            column.prop(parameters, LENGTH)
         else:
             row.active = not _overridden(parameters, target, name)
-            row.prop(parameters, name)
-    for name in ("frames", "in_colors"):
-        if name in target.places:
-            column.prop(parameters, name)
+            _draw_setting(row, context, parameters, mode, name)
+    if "frames" in target.places:
+        column.prop(parameters, "frames")
     if "field" in target.places:
         draw_search(column, context, parameters, "field", "attributes")
     # In the Image Editor a flow map is meant, whatever the 3D view's panel shows.
     if "y_axis" in (mode.names if data.chosen.in_image_editor(context) else target.places):
         column.prop(parameters, "y_axis")
-    _draw_starts(column, context, parameters, target)
     if "along" in target.places:
         column.prop(parameters, "along")
         if parameters.along == "ATTRIBUTE":
@@ -104,9 +115,11 @@ def _draw_starts(
     target: Target,
 ) -> None:
     """Draw the sources of a distance."""
-    if "start" not in target.places or parameters.source != "given":
+    if "start" not in target.places:
         return
-    column.prop(parameters, "start")
+    column.prop(parameters, FROM)
+    if parameters.source != "given":
+        return
     if parameters.start == "GROUP":
         draw_search(column, context, parameters, "start_group", "vertex_groups")
     if parameters.start == "IMAGE":
@@ -121,11 +134,48 @@ def _draw_pictures(column: bpy.types.UILayout, parameters: Parameters) -> None:
             return
 
 
+def _draw_setting(
+    row: bpy.types.UILayout,
+    context: bpy.types.Context,
+    parameters: Parameters,
+    mode: Mode,
+    name: str,
+) -> None:
+    """Draw a setting; where a value leaves it to the filter, behind a switch that says so.
+
+    Beside the switch stands what the last run chose, and a button that keeps that.
+    """
+    switch = name + AUTO
+    if not hasattr(parameters, switch):
+        row.prop(parameters, name)
+        return
+    row = row.row(heading=parameters.bl_rna.properties[name].name, align=True)
+    if not getattr(parameters, switch):
+        row.prop(parameters, switch, text="Auto", toggle=True)
+        row.prop(parameters, name, text="")
+        return
+    of_panel = isinstance(parameters, bpy.types.PropertyGroup)
+    found = found_by(context, mode.group, name) if of_panel else None
+    if found is None:
+        row.prop(parameters, switch, text="Auto", toggle=True)
+        return
+    text = iface_("Auto: {value}").format(value=found.text)
+    row.prop(parameters, switch, text=text, toggle=True, translate=False)
+    keep = row.operator("shock_filter.keep_auto")
+    keep.mode, keep.name = mode.group, name
+
+
 def _draw_time(
     column: bpy.types.UILayout, row: bpy.types.UILayout, parameters: Parameters, target: Target
 ) -> None:
     """Draw a flow time, and the checkbox for an infinite time."""
-    row.prop(parameters, target.time)
+    if hasattr(parameters, target.time + AUTO):
+        row = row.row(heading=parameters.bl_rna.properties[target.time].name, align=True)
+        row.prop(parameters, target.time + AUTO, text="Auto", toggle=True)
+        if not getattr(parameters, target.time + AUTO):
+            row.prop(parameters, target.time, text="")
+    else:
+        row.prop(parameters, target.time)
     if target.steady_state:
         row.active = not getattr(parameters, target.steady_state)
         column.prop(parameters, target.steady_state)
@@ -196,8 +246,10 @@ def draw_advanced(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode
     """Draw the advanced settings, in the order of their description."""
     column = split(layout)
     target = mode.target(parameters)
-    for name, about in target.fields.items():
-        if not about.advanced:
+    if "in_colors" in target.places:
+        column.prop(parameters, "in_colors")
+    for name in target.fields:
+        if not target.is_advanced(name):
             continue
         if name == target.time:
             _draw_time(column, column.row(), parameters, target)

@@ -77,7 +77,9 @@ class MeshOperator(FilterOperator):
         kind = self.kind
         text, advice = pgettext_rpt("{done} {meshes}: {changes}, {seconds:.1f} s."), ""
         if not kind.paints:
-            changes = describe_moves(results, "" if self.row.nothing else self.row.advice)
+            advice = "" if self.row.nothing else self.row.advice
+            changes = describe_moves(results, advice, self._edge_length(written))
+            advice = ""
             if self.row.nothing and not any(result.moved for result in results):
                 has_modifiers = any(
                     each.data.modifiers and not each.target.is_seen for each in written
@@ -95,10 +97,21 @@ class MeshOperator(FilterOperator):
         else:
             meshes = counted(len(written), "1 mesh and its colors", "{:,} meshes and their colors")
             paints = [result.paint for result in results]
-            moves = describe_moves([result.shape for result in results], self.row.advice)
+            shapes = [result.shape for result in results]
+            moves = describe_moves(shapes, self.row.advice, self._edge_length(written))
             changes = f"{moves}; {describe_colors(paints, 'colors', self.advice)}"
         said = text.format(done=self.done(), meshes=meshes, changes=changes, seconds=seconds)
         return f"{said} {advice}".rstrip()
+
+    def scale_of(self, made: bpy.types.Object) -> float:
+        """Return the scale of the object."""
+        return data.mesh.meshes.scale_in_world(made)
+
+    def _edge_length(self, written: list[Written]) -> float:
+        """Return the mean edge length in the scene, of what moved farthest."""
+        moved = [(getattr(each.result, "shape", each.result), each.data) for each in written]
+        shape, made = max(moved, key=lambda pair: pair[0].largest_move * pair[0].edge_length)
+        return shape.edge_length * self.scale_of(made)
 
     def notes(self, written: list[Written]) -> str:
         """Return remarks on modifiers and shape keys, if vertices may have moved."""
@@ -117,15 +130,17 @@ class MeshOperator(FilterOperator):
         return f"{hidden} {said}".rstrip()
 
 
-def describe_moves(results: list[Any], advice: str) -> str:
-    """Return how many vertices moved visibly and how far, with advice if none did."""
+def describe_moves(results: list[Any], advice: str, edge: float) -> str:
+    """Return how many vertices moved visibly and how far, with advice if none did.
+
+    `edge` is the mean edge length in the scene of the one that moved farthest.
+    """
     moved = sum(result.moved for result in results)
-    text = pgettext_rpt(
-        "{vertices:,} vertices, moved {moved:,}, largest move {largest:.2g} edge lengths"
-    ).format(
+    farthest = max(results, key=lambda result: result.largest_move * result.edge_length)
+    text = pgettext_rpt("{vertices:,} vertices, moved {moved:,}, largest move {largest}").format(
         vertices=sum(len(result.positions) for result in results),
         moved=moved,
-        largest=max(result.largest_move for result in results),
+        largest=data.lengths.in_both(farthest.largest_move, edge),
     )
     return text if moved or not advice else f"{text} ({pgettext_rpt(advice)})"
 

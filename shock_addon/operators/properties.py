@@ -13,7 +13,12 @@ import bpy
 from ...core.registry import WAYS, Filter, find
 from ...core.settings import Setting, describe, named
 from ..data import PICTURES
-from ..modes import STEADY_STATE, Mode, choices
+from ..modes import JOBS, MODES, STEADY_STATE, Mode, choices, job_of
+from ..modes import find as mode_of
+from . import choosing
+
+AUTO = "_auto"
+"""End of the names of switches that leave a setting to the filter."""
 
 _WIDE = 100.0
 """Numbers with a larger range are shown with one decimal instead of three."""
@@ -32,6 +37,8 @@ def annotations_of(
     for name, (kind, default, about) in describe(settings).items():
         default = defaults.get(name, default)
         annotations[prefix + name] = _property(name, kind, default, about)
+        if about.auto is not None:
+            annotations[prefix + name + AUTO] = _auto(prefix + name, about)
         if about.role == "time" and math.isinf(about.maximum):
             annotations[prefix + STEADY_STATE] = bpy.props.BoolProperty(
                 name="Steady State",
@@ -39,6 +46,25 @@ def annotations_of(
                 default=math.isinf(default),
             )
     return annotations
+
+
+def _auto(name: str, about: Setting) -> Any:
+    """Make the switch that sets a number to the value that leaves it to the filter, and back."""
+
+    def get(owner: Any) -> bool:
+        return getattr(owner, name) == about.auto
+
+    def set_(owner: Any, is_auto: bool) -> None:
+        if is_auto != get(owner):
+            setattr(owner, name, about.auto if is_auto else about.usual)
+
+    return bpy.props.BoolProperty(
+        name="Auto",
+        description="Leave it to the filter",
+        get=get,
+        set=set_,
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
 
 
 def label(name: str) -> str:
@@ -178,6 +204,21 @@ def _picture(name: str) -> Any:
     )
 
 
+_STARTS = [
+    (
+        "AUTO",
+        "Auto",
+        "The vertices and edges that are selected in Edit Mode; the lowest ones if that is nothing,"
+        " or everything",
+    ),
+    ("SELECTED", "Selection", "The vertices and edges that are selected in Edit Mode"),
+    ("LOWEST", "Lowest Point", "The lowest vertices in the scene, such as those on the ground"),
+    ("GROUP", "Vertex Group", "The vertices that weigh 0.5 or more in a vertex group"),
+    ("SEAMS", "Marked Seams", "The edges that are marked as seams"),
+    ("SHARP", "Marked Edges", "The edges that are marked as sharp"),
+    ("IMAGE", "Painted Image", "Where an image of the same size is white"),
+]
+
 _PLACES = {
     "attribute": bpy.props.StringProperty(
         name="Attribute",
@@ -283,22 +324,9 @@ _PLACES = {
         default="IMAGE",
     ),
     "start": bpy.props.EnumProperty(
-        name="Given By",
+        name="From",
         description="What says where the distance is 0",
-        items=[
-            (
-                "AUTO",
-                "Auto",
-                "The vertices and edges that are selected in Edit Mode; the lowest ones if that is"
-                " nothing, or everything",
-            ),
-            ("SELECTED", "Selected", "The vertices and edges that are selected in Edit Mode"),
-            ("LOWEST", "Lowest", "The lowest vertices in the scene, such as those on the ground"),
-            ("GROUP", "Vertex Group", "The vertices that weigh 0.5 or more in a vertex group"),
-            ("SEAMS", "Marked Seams", "The edges that are marked as seams"),
-            ("SHARP", "Sharp Edges", "The edges that are marked as sharp"),
-            ("IMAGE", "Painted", "Where an image of the same size is white"),
-        ],
+        items=_STARTS,
         default="AUTO",
     ),
     "start_group": bpy.props.StringProperty(
@@ -465,7 +493,73 @@ def parameters_of(mode: Mode) -> dict[str, Any]:
     for target in mode.targets:
         for name in target.places:
             found[name] = _PLACES.get(f"{target.data_kind} {name}") or _PLACES[name]
+    if "start" in found:
+        found[FROM] = _from()
+    if "blending" in found:
+        found[LENGTH] = _length()
     return found
+
+
+FROM = "start_from"
+"""The choice that `source` and `start` are together."""
+
+_BORDERS = ("border", "seams")
+"""Sources for which `start` does not count."""
+
+
+def _from() -> Any:
+    starts = _STARTS + [
+        ("BORDER", "Mesh Border", "Where the mesh ends"),
+        ("CHARTS", "Chart Borders", "Where charts or the mesh end"),
+    ]
+    given = len(_STARTS)
+
+    def get(owner: Any) -> int:
+        if owner.source in _BORDERS:
+            return given + _BORDERS.index(owner.source)
+        return [start for start, _, _ in _STARTS].index(owner.start)
+
+    def set_(owner: Any, number: int) -> None:
+        if number >= given:
+            owner.source = _BORDERS[number - given]
+        else:
+            owner.source, owner.start = "given", _STARTS[number][0]
+
+    return bpy.props.EnumProperty(
+        name="From",
+        description="From where distance counts",
+        items=starts,
+        get=get,
+        set=set_,
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
+
+
+LENGTH = "streak_frames"
+"""The number that shows `blending` as the length of streaks."""
+
+
+def _length() -> Any:
+    def get(owner: Any) -> float:
+        return 1.0 / owner.blending
+
+    def set_(owner: Any, frames: float) -> None:
+        owner.blending = 1.0 / frames
+
+    return bpy.props.FloatProperty(
+        name="Length",
+        description="How long streaks are: over so many frames they fade. 5 draws short ones, 20"
+        " long ones; 1 shows the bare noise.\nUnit: frames",
+        get=get,
+        set=set_,
+        min=1.0,
+        max=200.0,
+        soft_min=2.0,
+        soft_max=33.0,
+        precision=1,
+        step=100,
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
 
 
 def _then_sharpen(row: Filter) -> dict[str, Any]:
@@ -489,10 +583,62 @@ def _choice(description: str, in_images: bool) -> Any:
         description=description,
         items=[
             (mode.key.upper(), mode.label, (in_images and mode.about_in_images) or mode.about)
-            for mode in choices()
+            for mode in MODES
             if (mode.data.in_images if in_images else mode.data.on_surface)
         ],
         default="IMAGE" if in_images else "GEOMETRY",
+        update=choosing.was_chosen,
+    )
+
+
+def _job(choice: str) -> Any:
+    """Make the choice of the first row, which reads and sets the mode."""
+    jobs = JOBS[choice]
+
+    def get(group: Any) -> int:
+        return jobs.index(job_of(choice, choosing.mode(bpy.context, choice)))
+
+    def set_(group: Any, number: int) -> None:
+        setattr(group, choice, jobs[number].modes[0].upper())
+
+    return bpy.props.EnumProperty(
+        name="Job",
+        description="What to work on",
+        items=[(job.key, job.label, job.about) for job in jobs],
+        get=get,
+        set=set_,
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
+
+
+_NOISY = {"geometry": "Mesh", "colors": "Colors", "both": "Both"}
+"""What the second row of Denoise calls the targets of a mesh."""
+
+
+def _noisy() -> Any:
+    """Make the choice of the second row of Denoise, which sets the mode or its target."""
+    targets = mode_of("denoise").targets
+    items = [(target.key, _NOISY[target.key], target.about) for target in targets]
+    items.append(("texture", "Texture", mode_of("denoise_texture").about))
+
+    def get(group: Any) -> int:
+        if choosing.mode(bpy.context, "mode").key == "denoise_texture":
+            return len(targets)
+        return [target.key for target in targets].index(group.denoise.target)
+
+    def set_(group: Any, number: int) -> None:
+        if number == len(targets):
+            group.mode = "DENOISE_TEXTURE"
+        else:
+            group.mode, group.denoise.target = "DENOISE", targets[number].key
+
+    return bpy.props.EnumProperty(
+        name="Denoise",
+        description="What to denoise",
+        items=items,
+        get=get,
+        set=set_,
+        options={"HIDDEN", "SKIP_SAVE"},
     )
 
 
@@ -509,6 +655,9 @@ def register() -> None:
     kept = {
         "mode": _choice("What to do", in_images=False),
         "image_mode": _choice("What to do with the image", in_images=True),
+        "job": _job("mode"),
+        "image_job": _job("image_mode"),
+        "noisy": _noisy(),
     }
     for mode in choices():
         about = f"The panel's parameters for the mode {label(mode.key)}."

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_iface
 _PIXELS_PER_LETTER = 6.4
 _WIDE_LETTER = 1.8  # letters
 _SIDES = 45.0  # pixels of a sidebar beside what is drawn
-_EDGES = 6.0  # pixels of a button beside its words
+_EDGES = 7.7  # pixels of a button beside its words
 _ICON = 40.0  # pixels, with some to spare for wide letters
 
 # Chinese and Japanese may break after each letter, but not before closing marks.
@@ -26,20 +26,23 @@ def draw_text(
 ) -> None:
     """Draw a text, in the language of the interface, on as many lines as the width needs.
 
-    The icon is on the first line.
+    The icon is on the first line. What stands on lines of its own, stays there.
     """
     column = layout.column(align=True)
     column.scale_y = 0.8
     room = _room(context) - (0.0 if icon == "NONE" else _ICON)
     letters = int(room / _PIXELS_PER_LETTER)
-    for number, line in enumerate(wrap(pgettext_iface(text), max(letters, 16))):
+    lines = [
+        line for part in pgettext_iface(text).split("\n") for line in wrap(part, max(letters, 16))
+    ]
+    for number, line in enumerate(lines):
         blank = "NONE" if icon == "NONE" else "BLANK1"
         column.label(text=line, icon=icon if number == 0 else blank, translate=False)
 
 
-def fit(context: bpy.types.Context, words: list[str]) -> bool:
-    """Whether words fit into a row of equal buttons."""
-    button = _room(context) / len(words) - _EDGES
+def fit(context: bpy.types.Context, words: list[str], in_row: int = 0) -> bool:
+    """Whether words fit into rows of equal buttons, of so many or all in a row."""
+    button = _room(context) / (in_row or len(words)) - _EDGES
     return max(map(_width, words)) * _PIXELS_PER_LETTER <= button
 
 

@@ -16,9 +16,10 @@ from bpy.app.translations import pgettext_rpt
 from ...core.errors import ShockError
 from .. import data
 from ..data.skipped import Refused, Skipped, explain
-from ..modes import STEADY_STATE, Mode, find
+from ..modes import STEADY_STATE, Mode, find, job_of
 from ..operators import poll as obstacles
 from ..operators.base import can_run
+from ..operators.choosing import mode as mode_shown
 from ..running import jobs
 from ..running.status import StatusText
 from .pointing import editors_of, is_over_view, views_with_textures
@@ -76,10 +77,9 @@ class _Session:
         self._preview.end()
 
 
-class SHOCK_FILTER_OT_preview(bpy.types.Operator):
-    """Try settings on the active object or the image, seen at once."""
+class _PreviewOperator:
+    """What both operators have in common."""
 
-    bl_idname = "shock_filter.preview"
     bl_label = "Preview"
     bl_description = (
         "Try settings on the active object or on the image, seen at once: move the mouse to the"
@@ -94,14 +94,20 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Return whether there is an active mesh object or an image, and no run."""
         in_images = data.chosen.in_image_editor(context)
-        obstacle = obstacles.of_images(context) if in_images else _of_meshes(context)
+        mode = cls.shown_mode(context)
+        obstacle = obstacles.of_images(context) if in_images else _of_meshes(context, mode)
         if not obstacle and jobs.is_settling():
             obstacle = "Wait until the render, or the last run, has ended."
-        if not _shown_mode(context).has_preview:
-            obstacle = "Flows cannot be tried; press Visualize Flow, with few frames."
+        if not mode.has_preview:
+            obstacle = "This cannot be tried; press the button above."
         if is_running():
             obstacle = "A preview is under way; click to apply it, or press Esc."
         return can_run(cls, obstacle)
+
+    @staticmethod
+    def shown_mode(context: bpy.types.Context) -> Mode:
+        """Return the mode to try."""
+        return _shown_mode(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Report that a preview needs a mouse."""
@@ -113,7 +119,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         if bpy.app.background or context.window is None:
             return self.execute(context)
         stop()  # what an operator left that Blender has freed
-        self._mode = _shown_mode(context)
+        self._mode = self.shown_mode(context)
         try:
             self._preview = _begin(context, event, self._mode)
         except (ShockError, Refused) as error:
@@ -191,7 +197,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     def _apply(self, context: bpy.types.Context) -> set[str]:
         self._session.end()
         mode, preview = self._mode, self._preview
-        settings = getattr(context.scene.shock_filter, mode.key)
+        settings = getattr(context.scene.shock_filter, mode.group)
         for name in (preview.dial, preview.second, STEADY_STATE):
             if hasattr(preview.parameters, name):
                 setattr(settings, name, getattr(preview.parameters, name))
@@ -225,25 +231,42 @@ def is_running() -> bool:
     return any(session.is_under_way for session in _running)
 
 
+class SHOCK_FILTER_OT_preview(_PreviewOperator, bpy.types.Operator):
+    """Try settings on the active object or the image, seen at once."""
+
+    bl_idname = "shock_filter.preview"
+
+
+class SHOCK_FILTER_OT_preview_generated(_PreviewOperator, bpy.types.Operator):
+    """Try settings of what is generated, seen at once."""
+
+    bl_idname = "shock_filter.preview_generated"
+
+    @staticmethod
+    def shown_mode(context: bpy.types.Context) -> Mode:
+        """Return the mode whose panel has the button."""
+        return find("generate")
+
+
 def _shown_mode(context: bpy.types.Context) -> Mode:
-    chosen = context.scene.shock_filter
-    in_images = data.chosen.in_image_editor(context)
-    return find((chosen.image_mode if in_images else chosen.mode).lower())
+    choice = "image_mode" if data.chosen.in_image_editor(context) else "mode"
+    chosen = find(getattr(context.scene.shock_filter, choice).lower())
+    is_of_tab = job_of(choice, chosen) is not None
+    return mode_shown(context, choice) if is_of_tab else chosen
 
 
-def _of_meshes(context: bpy.types.Context) -> str:
+def _of_meshes(context: bpy.types.Context, mode: Mode) -> str:
     obstacle = obstacles.of_meshes(context)
     if obstacle:
         return obstacle
     if context.object not in data.chosen.mesh_objects(context):
         return "Make one of the selected mesh objects the active one."
-    mode = _shown_mode(context)
     if mode.data.handled_as == "fields":
         return obstacles.of_unwrapped(context)
     if not mode.data.in_images:
         return ""
     try:
-        settings = getattr(context.scene.shock_filter, mode.key)
+        settings = getattr(context.scene.shock_filter, mode.group)
         image = data.chosen.chosen_image(context, settings.image)
     except Skipped:
         return "Add an Image Texture node with an image to the material."
@@ -267,4 +290,4 @@ def unregister() -> None:
     stop()
 
 
-CLASSES = (SHOCK_FILTER_OT_preview,)
+CLASSES = (SHOCK_FILTER_OT_preview, SHOCK_FILTER_OT_preview_generated)

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from .. import data
 from ..data.skipped import Skipped
 from ..flow import showing as flow_shown
-from ..modes import Mode, below
+from ..modes import JOBS, Mode, job_of
 from ..operators import base as operators
 from ..operators import comparing, drawing, linking, statistics
 from ..operators import poll as obstacles
@@ -20,39 +20,94 @@ from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
 from ..preview import painting
 from ..running import jobs, kernels, preparing
+from . import presets
 
 if TYPE_CHECKING:
     from .panel import Panel
 
 
 def draw_main(panel: Panel, context: bpy.types.Context) -> None:
-    """Draw the main settings, the buttons, and the last report."""
+    """Draw the choices and the buttons, which keep their places; then settings and reports."""
     layout = panel.layout
     mode = panel.mode(context)
     settings = panel.settings(context)
-    _draw_choices(layout, context, context.scene.shock_filter, panel.choice)
-    if panel.choice == "mode":  # the Image Editor shows its image
-        _draw_target(panel, context)
-    drawing.draw_main(layout, context, settings, mode)
+    _draw_job(layout, context, panel, mode)
+    _draw_input(layout, context, mode, settings)
+    preparing.tab_is_seen()
+    obstacle = obstacles.of_mode(context, mode, settings)
+    _draw_buttons(layout, context, mode, enabled=not obstacle)
+    _draw_settings(panel, context, mode, settings)
+    if mode.key == "geometry":
+        _draw_creases(layout, context, enabled=not obstacle)
+    if flow_shown.shown_object() is not None and context.space_data.type == "VIEW_3D":
+        layout.operator("shock_filter.hide_flow")
     problem = kernels.problem()
     if problem:
         draw_text(layout, context, problem, icon="ERROR")
-    preparing.tab_is_seen()
-    if jobs.current() is not None:
-        _draw_progress(layout)
-        return
     _draw_preparing(layout)
+    _draw_report(layout, context, mode, settings, obstacle)
+
+
+def draw_own(panel: Panel, context: bpy.types.Context) -> None:
+    """Draw all of a mode that has a panel of its own."""
+    layout = panel.layout
+    mode, settings = panel.mode(context), panel.settings(context)
     obstacle = obstacles.of_mode(context, mode, settings)
-    if announced := obstacles.announcement(context, mode, settings):
-        draw_text(layout, context, announced, icon="INFO")
+    if panel.choice == "mode":
+        _draw_choices(layout, context, settings, "target")
     _draw_buttons(layout, context, mode, enabled=not obstacle)
+    _draw_settings(panel, context, mode, settings)
+    drawing.draw_sections(layout, context, settings, mode)
+    _draw_report(layout, context, mode, settings, obstacle)
+
+
+def draw_flow(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    mode: Mode,
+    settings: bpy.types.PropertyGroup,
+) -> None:
+    """Draw the button that shows where a mode pulls, if it pulls anywhere."""
+    if not mode.flow:
+        return
+    row = layout.row()
+    row.enabled = not obstacles.of_mode(context, mode, settings) and jobs.current() is None
+    row.operator("shock_filter.show_flow").mode = mode.key
+
+
+def _draw_settings(
+    panel: Panel, context: bpy.types.Context, mode: Mode, settings: bpy.types.PropertyGroup
+) -> None:
+    """Draw the preset, where the data are, and the main settings."""
+    if not mode.within:
+        name = presets.shown_name(mode, settings)
+        panel.layout.popover(f"SHOCK_FILTER_PT_{mode.key}_presets", text=name, icon="PRESET")
+    if panel.choice == "mode":  # the Image Editor shows its image
+        _draw_place(panel.layout, context, mode, settings)
+    drawing.draw_main(panel.layout, context, settings, mode)
+
+
+def _draw_report(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    mode: Mode,
+    settings: bpy.types.PropertyGroup,
+    obstacle: str,
+) -> None:
+    """Draw why nothing can be done, or what was done last."""
     # Else Blender draws the first line as the bar that was there, until the mouse moves.
     layout.separator(factor=0.01)
+    if jobs.current() is not None:
+        return
+    flow_shown.follow_settings()
     if obstacle:
         draw_text(layout, context, obstacle, icon="INFO")
-    elif before := comparing.note(context):
+        return
+    if announced := obstacles.announcement(context, mode, settings):
+        draw_text(layout, context, announced, icon="INFO")
+    if before := comparing.note(context):
         draw_text(layout, context, before, icon="ERROR")
-    elif summary := operators.summary_of(context, mode.key):
+    elif summary := operators.summary_of(context, mode.group):
         draw_text(layout, context, summary)
 
 
@@ -103,12 +158,87 @@ def draw_filter(
     return operator
 
 
-def _draw_target(panel: Panel, context: bpy.types.Context) -> None:
+def _draw_job(
+    layout: bpy.types.UILayout, context: bpy.types.Context, panel: Panel, mode: Mode
+) -> None:
+    """Draw the first row, and the second one: all jobs need the same space for it."""
+    kept = context.scene.shock_filter
+    _draw_choices(layout, context, kept, panel.job)
+    job = job_of(panel.choice, mode)
+    noisy = [item.name for item in kept.bl_rna.properties["noisy"].enum_items]
+    parts = {each.key: list(each.parts) or noisy for each in JOBS[panel.choice] if not each.does}
+    needed = max(_rows(context, words) for words in parts.values())
+    column = layout.column(align=True)
+    if job.does:
+        column.label(text=job.does)
+        used = 1
+    elif job.parts:
+        names = [
+            (panel.choice, key.upper(), word)
+            for key, word in zip(job.modes, job.parts, strict=True)
+        ]
+        used = _draw_parts(column, context, kept, names)
+    else:
+        items = kept.bl_rna.properties["noisy"].enum_items
+        names = [("noisy", item.identifier, item.name) for item in items]
+        used = _draw_parts(column, context, kept, names)
+    for _ in range(needed - used):
+        column.label(text="")
+
+
+def _draw_parts(
+    column: bpy.types.UILayout,
+    context: bpy.types.Context,
+    kept: bpy.types.PropertyGroup,
+    parts: list[tuple[str, str, str]],
+) -> int:
+    """Draw choices: names of properties, identifiers, words; return how many rows they take."""
+    rows = _rows(context, [word for _, _, word in parts])
+    size = -(-len(parts) // rows)
+    for first in range(0, len(parts), size):
+        row = column.row(align=True)
+        for name, identifier, word in parts[first : first + size]:
+            row.prop_enum(kept, name, identifier, text=word)
+    return rows
+
+
+def _draw_input(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    mode: Mode,
+    settings: bpy.types.PropertyGroup,
+) -> None:
+    """Say in one row what a run works on, also if it is nothing."""
+    names, icon = _inputs(context, mode, settings), "MESH_DATA"
+    if mode.data.handled_as != "meshes":
+        icon = "IMAGE_DATA"
+    name = names[0] if len(names) == 1 else iface_("{:,} meshes").format(len(names))
+    text = iface_(mode.announced).format(name if names else "\u2013")
+    layout.label(text=text, icon=icon, translate=False)
+
+
+def _inputs(context: bpy.types.Context, mode: Mode, settings: bpy.types.PropertyGroup) -> list[str]:
+    if mode.data.handled_as == "meshes":
+        return [obj.name for obj in data.chosen.mesh_users(context)]
+    image = data.chosen.edited_image(context)
+    if image is not None or mode.data.handled_as == "images":
+        return [] if image is None else [image.name]
+    if preview_operator.is_running() or not data.chosen.mesh_objects(context):
+        return []  # a preview lets materials show another image
+    try:
+        return [data.chosen.chosen_image(context, settings.image).name]
+    except Skipped:  # the report says why
+        return []
+
+
+def _draw_place(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    mode: Mode,
+    settings: bpy.types.PropertyGroup,
+) -> None:
     """Draw the input: the attribute of colors, or the image of a texture."""
-    layout, settings = panel.layout, panel.settings(context)
-    names = panel.mode(context).names_for(settings)
-    if "target" in names:
-        _draw_choices(layout, context, settings, "target")
+    names = mode.names_for(settings)
     column = drawing.split(layout)
     if "attribute" in names:
         drawing.draw_search(column, context, settings, "attribute", "color_attributes")
@@ -118,20 +248,6 @@ def _draw_target(panel: Panel, context: bpy.types.Context) -> None:
         row.prop(settings, "image_size")
     elif "image" in names:
         column.prop_search(settings, "image", bpy.data, "images")
-        if not settings.image and panel.mode(context).data.handled_as == "textures":
-            _draw_shown_image(layout, context, panel.mode(context))
-
-
-def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
-    """Show the image that a run would use."""
-    if preview_operator.is_running() or not data.chosen.mesh_objects(context):
-        return  # a preview lets materials show another image
-    try:
-        name = data.chosen.shown_image(context).name
-    except Skipped:  # the line below the button says why
-        return
-    text = iface_(mode.announced).format(name)
-    layout.label(text=text, icon="IMAGE_DATA", translate=False)
 
 
 def _draw_choices(
@@ -140,64 +256,67 @@ def _draw_choices(
     settings: bpy.types.PropertyGroup,
     name: str,
 ) -> None:
-    """Draw all choices in one row, or two in a row if their labels need more space."""
-    items = list(settings.bl_rna.properties[name].enum_items)
-    if fit(context, [iface_(item.name) for item in items]):
-        layout.row().prop(settings, name, expand=True)
-        return
+    """Draw all choices in one row, or fewer in a row if their labels need more space."""
+    items = settings.bl_rna.properties[name].enum_items
     column = layout.column(align=True)
-    for first in range(0, len(items), 2):
-        row = column.row(align=True)
-        for item in items[first : first + 2]:
-            row.prop_enum(settings, name, item.identifier)
+    _draw_parts(column, context, settings, [(name, item.identifier, item.name) for item in items])
+
+
+def _rows(context: bpy.types.Context, words: list[str], of: str = "*") -> int:
+    """Return in how many rows of equal buttons words fit."""
+    said = [iface_(word, of) for word in words]
+    return next(
+        (n for n in range(1, len(said)) if fit(context, said, -(-len(said) // n))), len(said)
+    )
 
 
 def _draw_buttons(
     layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode, enabled: bool
 ) -> None:
+    """Draw the main button, or how far a run is, and those below it."""
     column = layout.column()
-    runs = column.column()
-    runs.enabled = enabled
-    main = runs.column()
-    main.scale_y = 1.5
-    draw_filter(main, context, mode)
-    for other in below(mode):
-        draw_filter(runs, context, other)
-    if comparing.is_held(context):
-        column.operator("shock_filter.before_after", icon="ARROW_LEFTRIGHT")
+    if jobs.current() is not None:
+        _draw_progress(column)
+        enabled = False
+    else:
+        main = column.column()
+        main.enabled = enabled
+        main.scale_y = 1.5
+        draw_filter(main, context, mode)
     row = column.row(align=True)
-    preview = row.row(align=True)
-    preview.enabled = enabled
-    if mode.has_preview:
-        preview.operator("shock_filter.preview")
+    if mode.data.handled_as != "films":
+        preview = row.row(align=True)
+        preview.enabled = enabled and mode.has_preview
+        is_own = mode.data.handled_as == "fields"
+        preview.operator(f"shock_filter.preview{'_generated' if is_own else ''}")
+    swap = row.row(align=True)
+    swap.enabled = comparing.is_held(context) and jobs.current() is None
+    swap.operator("shock_filter.before_after", icon="ARROW_LEFTRIGHT")
     if mode.targets[0].row.takes_gain and context.space_data.type == "VIEW_3D":
-        row.operator("shock_filter.paint_gain", depress=painting.is_running())
-    shown = flow_shown.shown_object()
-    is_active = context.object is not None and context.object.name == shown
-    if mode.flow and not is_active:
-        flow = row.row(align=True)
-        flow.enabled = enabled
-        flow.operator("shock_filter.show_flow").mode = mode.key
-    if shown is not None and context.space_data.type == "VIEW_3D":
-        (row if is_active else column).operator("shock_filter.hide_flow")
-    if mode.key == "geometry":
-        _draw_creases(column, context, enabled)
-    if mode.key == "generate" and linking.is_waiting(context):
-        column.operator_menu_enum("shock_filter.link_map", "into")
+        column.operator("shock_filter.paint_gain", depress=painting.is_running())
+    if mode.key == "generate":
+        link = column.row()
+        link.enabled = linking.is_waiting(context) and jobs.current() is None
+        link.operator_menu_enum("shock_filter.link_map", "into")
 
 
 def _draw_creases(layout: bpy.types.UILayout, context: bpy.types.Context, enabled: bool) -> None:
     """Draw the buttons that find creases and move nothing."""
-    row = layout.row(align=True)
-    finds = row.row(align=True)
-    finds.enabled = enabled
-    finds.operator("shock_filter.mark_creases")
-    finds.operator("shock_filter.crisp_low_poly")
     shown = flow_shown.shown_object("creases")
-    if context.object is None or context.object.name != shown:
-        finds.operator("shock_filter.show_creases")
+    is_active = context.object is not None and context.object.name == shown
+    names = {"mark_creases": "Mark Creases", "crisp_low_poly": "Crisp Low Poly"}
+    if not is_active:
+        names["show_creases"] = "Show Creases"
     if shown is not None:
-        row.operator("shock_filter.hide_creases")
+        names["hide_creases"] = "Hide Creases"
+    size = -(-len(names) // _rows(context, list(names.values()), "Operator"))
+    column, keys = layout.column(align=True), list(names)
+    for first in range(0, len(keys), size):
+        row = column.row(align=True)
+        for key in keys[first : first + size]:
+            button = row.row(align=True)
+            button.enabled = key == "hide_creases" or (enabled and jobs.current() is None)
+            button.operator(f"shock_filter.{key}")
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:

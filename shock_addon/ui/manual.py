@@ -13,6 +13,7 @@ import bpy
 
 from ..data import PICTURES
 from ..modes import MODES, choices
+from ..operators.properties import AUTO, FROM, LENGTH
 
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
 
@@ -20,6 +21,8 @@ HOME = "index"
 
 _OPERATORS = {
     "preview": "preview",
+    "preview_generated": "preview#generate",
+    "keep_auto": "panel#auto",
     "paint_gain": "detail#paint-gain",
     "show_flow": "preview#show-flow",
     "hide_flow": "preview#show-flow",
@@ -34,8 +37,6 @@ _OPERATORS = {
 """The places of operators that are not filters."""
 
 _SHARED = {
-    "mode": "panel#modes",
-    "image_mode": "panel#modes",
     "vertex_group": "masks#vertex-group",
     "invert_mask": "masks#invert",
     "selected_only": "masks#selected-only",
@@ -43,6 +44,9 @@ _SHARED = {
     "weld": "masks#weld",
 }
 """Properties that are explained in one place for all modes."""
+
+_ALSO = {"start": (FROM,), "blending": (LENGTH,)}
+"""Properties that show others in another way."""
 
 _TOGETHER = {
     "steady_state": "time",
@@ -73,9 +77,11 @@ def entries() -> dict[str, str]:
         for name in mode.names:
             on_screen = group.properties[name].name
             where = _SHARED.get(name) or f"{mode.page}#{heading(name, on_screen)}"
-            found[f"bpy.types.{group.identifier.lower()}.{name}"] = where
-    for name in ("mode", "image_mode"):
-        found[f"bpy.types.shock_filter_pg_scene.{name}"] = _SHARED[name]
+            for shown in (name, f"{name}{AUTO}", *_ALSO.get(name, ())):
+                if shown in group.properties:
+                    found[f"bpy.types.{group.identifier.lower()}.{shown}"] = where
+    for name in ("mode", "image_mode", "job", "image_job", "noisy"):
+        found[f"bpy.types.shock_filter_pg_scene.{name}"] = "panel#modes"
     found["bpy.*.shock_filter*"] = HOME
     return found
 

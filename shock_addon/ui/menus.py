@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..modes import below, choices
+from ..modes import choices, within
 
 _PLACES = (
     "VIEW3D_MT_object",
@@ -37,7 +37,7 @@ class SHOCK_FILTER_MT_filters(bpy.types.Menu):
             operator = draw_filter(layout, context, mode)
             if len(mode.targets) > 1 and context.mode != "OBJECT" and not in_images:
                 operator.target = mode.target_in(context.mode).key
-        for other in (each for mode in offered for each in below(mode)):
+        for other in (each for mode in offered for each in within(mode)):
             draw_filter(layout, context, other)
 
 

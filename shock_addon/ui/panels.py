@@ -17,30 +17,59 @@ class _ImagePanel(Panel):
     """A panel of the mode that is chosen in the Image Editor."""
 
     choice = "image_mode"
+    job = "image_job"
     bl_space_type = "IMAGE_EDITOR"
 
 
 class _MainPanel(Panel):
     bl_label = "Shock Filter"
 
-    def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Offer presets of the mode."""
-        header = getattr(bpy.types, f"SHOCK_FILTER_PT_{self.mode(context).key}_presets")
-        header.draw_panel_header(self.layout)
-
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the main settings, the buttons, and what was last done."""
+        """Draw the choices, the buttons, the main settings, and what was last done."""
         from . import contents
 
         contents.draw_main(self, context)
 
 
 class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
-    """Mode, main settings, the buttons, and what was last done."""
+    """What to work on, the buttons, the main settings, and what was last done."""
 
 
 class SHOCK_FILTER_PT_image_main(_MainPanel, _ImagePanel, bpy.types.Panel):
-    """Mode, main settings, the buttons, and what was last done."""
+    """What to work on, the buttons, the main settings, and what was last done."""
+
+
+class _OwnPanel:
+    """A mode that has a panel of its own, closed at first."""
+
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw all of it; what few need is folded."""
+        from . import contents
+
+        contents.draw_own(self, context)
+
+
+class SHOCK_FILTER_PT_generate(_OwnPanel, Panel, bpy.types.Panel):
+    """An image made from the shape."""
+
+    bl_label = "Generate"
+    own = "generate"
+
+
+class SHOCK_FILTER_PT_flow(_OwnPanel, Panel, bpy.types.Panel):
+    """A moving texture of a flow."""
+
+    bl_label = "Flow"
+    own = "visualize"
+
+
+class SHOCK_FILTER_PT_image_flow(_OwnPanel, _ImagePanel, bpy.types.Panel):
+    """A moving texture of a flow map."""
+
+    bl_label = "Flow"
+    own = "visualize"
 
 
 class _MaskPanel:
@@ -88,7 +117,11 @@ class _AdvancedPanel:
         """Draw what few need."""
         from ..operators import drawing
 
-        drawing.draw_advanced(self.layout, self.settings(context), self.mode(context))
+        mode = self.mode(context)
+        drawing.draw_advanced(self.layout, self.settings(context), mode)
+        from . import contents
+
+        contents.draw_flow(self.layout, context, mode, self.settings(context))
 
 
 class _StatisticsPanel:
@@ -117,4 +150,7 @@ CLASSES = (
     SHOCK_FILTER_PT_image_main,
     *_sub_panels(SHOCK_FILTER_PT_main, Panel),
     *_sub_panels(SHOCK_FILTER_PT_image_main, _ImagePanel),
+    SHOCK_FILTER_PT_generate,
+    SHOCK_FILTER_PT_flow,
+    SHOCK_FILTER_PT_image_flow,
 )

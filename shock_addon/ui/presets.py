@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets in the headers of panels: those of the extension, then the user's own."""
+"""Presets of the modes: those of the extension, then the user's own."""
+
+import struct
+from typing import Any
 
 import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
+from bpy.app.translations import pgettext_iface as iface_
 from bpy.app.translations import pgettext_tip
 
 from ..data import PICTURES
@@ -65,11 +69,62 @@ def _presets(mode: str) -> tuple[Preset, ...]:
 
 
 def _find(mode: str, name: str) -> Preset | None:
-    return next((preset for preset in _presets(mode) if preset.name == name), None)
+    known = (*_presets(mode), *find(mode).former)
+    return next((preset for preset in known if preset.name == name), None)
+
+
+_labels: dict[str, str] = {}
+"""The names of the lists, by mode, to which Blender gives that of the last preset of a user."""
+
+_values: dict[str, tuple[str, list[Any]]] = {}
+"""That name, by mode, and what all was set to when a panel showed it first."""
+
+
+def shown_name(mode: Mode, settings: Any) -> str:
+    """Name the preset whose values the settings have; "Custom" if there is none.
+
+    Parameters
+    ----------
+    mode : Mode
+    settings : bpy.types.PropertyGroup
+        The mode's settings.
+    """
+    differing = {
+        name: getattr(settings, name)
+        for name in mode.filter_names
+        if getattr(settings, name) != _default(settings, name)
+    }
+    for preset in _presets(mode.key):
+        wanted = {
+            name: _stored(settings, name, value)
+            for name, value in preset.values.items()
+            if _stored(settings, name, value) != _default(settings, name)
+        }
+        if differing == wanted:
+            return iface_(preset.name)
+    name = getattr(bpy.types, f"SHOCK_FILTER_PT_{mode.key}_presets").bl_label
+    now = [getattr(settings, each) for each in mode.filter_names]
+    if name != _labels[mode.key]:
+        if _values.get(mode.key, ("",))[0] != name:
+            _values[mode.key] = name, now
+        if _values[mode.key][1] == now:
+            return name
+    return iface_("Custom")
+
+
+def _default(settings: Any, name: str) -> Any:
+    return settings.bl_rna.properties[name].default
+
+
+def _stored(settings: Any, name: str, value: Any) -> Any:
+    """Return a value as Blender stores it, whose numbers are short."""
+    if settings.bl_rna.properties[name].type != "FLOAT":
+        return value
+    return struct.unpack("f", struct.pack("f", value))[0]
 
 
 class _ModePresets(PresetPanel):
-    """The list that the header's button opens."""
+    """The list that the button with the preset's name opens."""
 
     mode: str
     preset_subdir: str
@@ -101,13 +156,14 @@ def _draw_new(layout: bpy.types.UILayout, context: bpy.types.Context, add_operat
 
 
 def _panel(mode: Mode) -> type:
+    _labels[mode.key] = f"{label(mode.key)} Presets"
     return type(
         f"SHOCK_FILTER_PT_{mode.key}_presets",
         (_ModePresets, bpy.types.Panel),
         {
             "__doc__": _ModePresets.__doc__,
             "mode": mode.key,
-            "bl_label": f"{label(mode.key)} Presets",
+            "bl_label": _labels[mode.key],
             "preset_subdir": f"shock_filter/{mode.key}",
             "preset_add_operator": f"shock_filter.{mode.key}_preset_add",
         },

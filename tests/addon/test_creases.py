@@ -11,6 +11,7 @@ from shock_filter.shock_addon.data.mesh.creases import ANGLE, LINE, read_creases
 from shock_filter.shock_addon.data.mesh.meshes import read_positions
 from shock_filter.shock_addon.flow import creases as drawn
 from shock_filter.shock_addon.flow import showing
+from shock_filter.shock_addon.operators import base
 
 
 def mark_creases(**choices):
@@ -134,9 +135,13 @@ def test_shown_lines_follow_widest_fillet(rounded_box, monkeypatch):
     wide = shown.segments()
     assert set(wide) == {"closes"}
     assert "will close" in drawn.counts_of(shown.now()[0].lines)
+    old = drawn.said_of("Box", shown.now()[0].lines)
+    monkeypatch.setitem(base.summaries, "geometry", "")
+    shown.say(old)
     panel.widest_fillet = 0.01
     _, is_news = shown.now()
     assert is_news
+    assert base.summaries["geometry"] == drawn.said_of(box.name, shown.now()[0].lines) != old
     assert not shown.now()[1]
     assert sum(map(len, shown.segments().values())) > 0
     box.data.vertices[0].co.x += 1.0

@@ -4,13 +4,14 @@
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import showing as flow_shown
-from shock_filter.shock_addon.modes import choices, find
+from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import statistics
+from shock_filter.shock_addon.operators import keeping, statistics
 from shock_filter.shock_addon.running import jobs, kernels, preparing
 from shock_filter.shock_addon.ui import menus, panels
 
@@ -74,10 +75,9 @@ class Layout:
         return call
 
 
-def draw(panel, image=None, layout=None):
-    layout = Layout() if layout is None else layout
-    context = SimpleNamespace(
-        space_data=SimpleNamespace(type=panel.bl_space_type, image=image),
+def context_in(space="VIEW_3D", image=None, width=280):
+    return SimpleNamespace(
+        space_data=SimpleNamespace(type=space, image=image),
         scene=bpy.context.scene,
         object=bpy.context.object,
         mode=bpy.context.mode,
@@ -85,10 +85,15 @@ def draw(panel, image=None, layout=None):
         objects_in_mode=bpy.context.objects_in_mode,
         tool_settings=bpy.context.tool_settings,
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
-        region=SimpleNamespace(width=280),
+        region=SimpleNamespace(width=width),
     )
+
+
+def draw(panel, image=None, layout=None, width=280):
+    layout = Layout() if layout is None else layout
+    context = context_in(panel.bl_space_type, image, width)
     registered = bpy.types.Panel.bl_rna_get_subclass_py(panel.__name__)
-    chosen = {name: getattr(panel, name) for name in ("choice", "mode", "settings")}
+    chosen = {name: getattr(panel, name) for name in ("choice", "job", "own", "mode", "settings")}
     self = SimpleNamespace(layout=layout, **chosen)
     assert registered.poll(context) if "poll" in dir(panel) else True
     registered.draw(self, context)
@@ -97,6 +102,20 @@ def draw(panel, image=None, layout=None):
 
 def words(drawn, function):
     return [text for name, text in drawn if name == function]
+
+
+def settings_of(drawn):
+    """List the properties that are drawn; a number behind its switch counts once."""
+    names = words(drawn, "prop") + words(drawn, "prop_search")
+    behind = [name.removesuffix("_auto") for name in names if name.endswith("_auto")]
+    return [name for name in names if not name.endswith("_auto") and name not in behind] + behind
+
+
+def report_of(drawn):
+    """List the lines that are below the settings."""
+    lines = words(drawn, "label")
+    fixed = [n for n, line in enumerate(lines) if str(line).startswith("Will ")]
+    return lines[fixed[0] + 1 :]
 
 
 OF_CREASES = [
@@ -109,15 +128,16 @@ OF_CREASES = [
 def test_the_main_panel_shows_the_mode_then_the_main_settings():
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
-    modes = [name for name, _ in drawn].index("prop")
-    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 9
-    assert words(drawn, "prop") == main
+    assert words(drawn, "prop_enum") == ["Geometry", "Denoise", "Colors", "Texture"]
+    assert sorted(settings_of(drawn)) == sorted(main)
     assert words(drawn, "operator") == [
         ("shock_filter.sharpen_geometry",),
         ("shock_filter.preview",),
-        ("shock_filter.show_flow",),
+        ("shock_filter.before_after",),
         *OF_CREASES,
     ]
+    functions = [name for name, _ in drawn]
+    assert functions.index("operator") < functions.index("prop")  # buttons keep their places
 
 
 def test_the_closed_panels_show_the_rest(rounded_box):
@@ -129,7 +149,8 @@ def test_the_closed_panels_show_the_rest(rounded_box):
     ):
         assert panel.bl_options == {"DEFAULT_CLOSED"}
         drawn = draw(panel)
-        shown += words(drawn, "prop") + words(drawn, "prop_search")
+        shown += settings_of(drawn)
+    assert ("shock_filter.show_flow",) in words(drawn, "operator")
     advanced = [name for name, (_, _, about) in ABOUT.items() if about.advanced]
     where = ["vertex_group", "invert_mask", "output", "weld"]
     where += ["custom_normals", "mark_sharp", "sharp_angle"]
@@ -166,7 +187,7 @@ def after_run(name, layout, **parameters):
     for key, value in parameters.items():
         setattr(properties, key, value)
     operator = bpy.types.Operator.bl_rna_get_subclass_py(f"SHOCK_FILTER_OT_{name}")
-    context = SimpleNamespace(object=bpy.context.object, mode=bpy.context.mode, space_data=None)
+    context = context_in()
     self = SimpleNamespace(layout=layout, properties=properties, row=operator.row)
     operator.draw(self, context)
     return [about.identifier for about in properties.bl_rna.properties if not about.is_hidden]
@@ -176,7 +197,7 @@ def test_the_main_settings_come_first_after_a_run_and_the_others_are_folded():
     layout = Layout()
     after_run("sharpen_geometry", layout)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
-    assert words(layout.drawn, "prop") == main
+    assert sorted(settings_of(layout.drawn)) == sorted(main)
     assert words(layout.drawn, "label") == ["Mask", "Output", "Advanced"]
 
 
@@ -201,7 +222,7 @@ def test_all_parameters_can_be_changed_after_a_run(rounded_box, name, parameters
     rounded_box()
     layout = Unfolded()
     known = after_run(name, layout, **parameters)
-    shown = words(layout.drawn, "prop") + words(layout.drawn, "prop_search")
+    shown = settings_of(layout.drawn)
     assert len(set(shown)) == len(shown)
     if "target" in parameters:
         known = find(name).names_for(SimpleNamespace(**parameters))
@@ -240,16 +261,19 @@ def test_each_mode_draws_its_settings_and_its_button(mode, rounded_box):
     main, others = panels_of(mode)
     drawn = draw(main)
     operators = [(f"shock_filter.sharpen_{mode}",)]
-    operators += [("shock_filter.dilate_texture",)] * (mode == "texture")
-    operators += [("shock_filter.preview",)]
-    operators += [("shock_filter.show_flow",)] * (mode in ("geometry", "colors"))
+    operators += [("shock_filter.preview",), ("shock_filter.before_after",)]
     operators += OF_CREASES * (mode == "geometry")
     assert words(drawn, "operator") == operators
     for panel in others:
         drawn += draw(panel)
-    shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - CHOICES
-    settings = getattr(bpy.context.scene.shock_filter, mode)
-    assert shown == set(settings.bl_rna.properties.keys()) - {"rna_type", "name", "selected_only"}
+    shown = set(settings_of(drawn)) - CHOICES
+    assert shown == kept(getattr(bpy.context.scene.shock_filter, mode))
+
+
+def kept(settings):
+    """Name the settings that a panel is to show."""
+    names = {each.identifier for each in settings.bl_rna.properties if not each.is_hidden}
+    return names - {"rna_type", "name", "selected_only"}
 
 
 @pytest.mark.parametrize("mode", ["denoise", "denoise_image"])
@@ -264,28 +288,29 @@ def test_denoising_has_its_settings_and_its_button(mode, rounded_box):
     assert words(drawn, "operator")[0].endswith(", then Sharpen")
     carried, *_ = words(drawn, "set")
     assert (carried.then_sharpen, carried.iterations) == (True, 5)
-    first = words(drawn, "prop")
-    own = ["method", "strength", "bump_size", "keep_creases"]
+    own = {"method", "strength", "bump_size", "keep_creases"}
     if mode == "denoise_image":
-        own = ["time", "beta", "iterations"]
-    assert first[-len(own) - 2 :] == [*own, "then_sharpen", "sharpen_time"]
+        own = {"time", "beta", "iterations"}
+    assert set(settings_of(drawn)) == own | {"then_sharpen", "sharpen_time"}
     for panel in others:
         drawn += draw(panel)
-    shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - CHOICES
+    shown = set(settings_of(drawn)) - CHOICES
     assert below <= shown
-    every = set(settings.bl_rna.properties.keys()) - {"rna_type", "name", "selected_only"}
-    every -= {name for name in every if name.startswith("color_")} | {"attribute"}
+    every = kept(settings) - {"attribute", "target"}
+    every -= {name for name in every if name.startswith("color_")}
     assert shown == every
 
 
 @pytest.mark.parametrize("mode", ["denoise", "denoise_image", *MODES])
-def test_the_header_offers_presets_of_the_mode(mode):
+def test_the_panel_names_the_preset_and_opens_the_list(mode):
     main, _ = panels_of(mode)
-    layout = Layout()
-    context = SimpleNamespace(scene=bpy.context.scene)
-    self = SimpleNamespace(layout=layout, mode=main.mode)
-    main.draw_header_preset(self, context)
-    assert words(layout.drawn, "popover") == [f"SHOCK_FILTER_PT_{mode}_presets"]
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    for preset in (DEFAULTS, *find(mode).presets):
+        bpy.ops.shock_filter.use_preset(mode=mode, name=preset.name)
+        assert words(draw(main), "popover") == [preset.name]
+    name = next(n for n in find(mode).filter_names if n in ("amount", "iterations"))
+    setattr(settings, name, 0.37 if name == "amount" else 17)
+    assert words(draw(main), "popover") == ["Custom"]
 
 
 def is_seen(panel, context):
@@ -302,7 +327,7 @@ def panels_of(mode):
         scene.shock_filter.mode = mode.upper()
     name = "SHOCK_FILTER_PT_image_main" if in_image_editor else "SHOCK_FILTER_PT_main"
     below = [panel for panel in panels.CLASSES if getattr(panel, "bl_parent_id", "") == name]
-    context = SimpleNamespace(scene=scene)
+    context = context_in("IMAGE_EDITOR" if in_image_editor else "VIEW_3D")
     return getattr(panels, name), [panel for panel in below if is_seen(panel, context)]
 
 
@@ -325,7 +350,8 @@ def test_the_image_editor_says_why_an_image_cannot_be_sharpened():
     assert "Tiles: it has UDIM tiles" in " ".join(lines)
     plain = bpy.data.images.new("Plain", 4, 4)
     drawn = draw(panels.SHOCK_FILTER_PT_image_main, image=plain)
-    assert not any("Plain" in str(text) for text in words(drawn, "label"))
+    assert "Will sharpen: Plain" in words(drawn, "label")
+    assert not any("Plain" in str(text) for text in report_of(drawn))
 
 
 @pytest.mark.parametrize(
@@ -368,14 +394,14 @@ def test_the_panel_says_what_is_wrong(monkeypatch, rounded_box):
     rounded_box()
     monkeypatch.setattr(kernels, "problem", lambda: "numba cannot be found: mend it thus.")
     monkeypatch.setattr(operators, "summaries", {})
-    text = " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    text = " ".join(report_of(draw(panels.SHOCK_FILTER_PT_main)))
     assert text == "numba cannot be found: mend it thus."
 
 
 def test_the_panel_says_what_was_done(rounded_box):
     rounded_box()
     bpy.ops.shock_filter.sharpen_geometry()
-    text = " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    text = " ".join(report_of(draw(panels.SHOCK_FILTER_PT_main)))
     assert text == operators.summaries["geometry"]
 
 
@@ -383,9 +409,9 @@ def test_the_panel_says_nothing_of_other_objects(rounded_box, select):
     first = rounded_box()
     bpy.ops.shock_filter.sharpen_geometry()
     second = rounded_box()
-    assert words(draw(panels.SHOCK_FILTER_PT_main), "label") == []
+    assert report_of(draw(panels.SHOCK_FILTER_PT_main)) == []
     select(first, second)
-    assert words(draw(panels.SHOCK_FILTER_PT_main), "label") != []
+    assert report_of(draw(panels.SHOCK_FILTER_PT_main)) != []
 
 
 def test_the_image_editor_says_nothing_of_other_images(rounded_box):
@@ -395,18 +421,20 @@ def test_the_image_editor_says_nothing_of_other_images(rounded_box):
         bpy.data.images.new(name, 8, 8)
     bpy.ops.shock_filter.sharpen_image(image="Photo")
     main = panels.SHOCK_FILTER_PT_image_main
-    text = " ".join(words(draw(main, bpy.data.images["Photo sharpened"]), "label"))
+    text = " ".join(report_of(draw(main, bpy.data.images["Photo sharpened"])))
     assert text == operators.summaries["image"]
-    assert words(draw(main, bpy.data.images["Other"]), "label") == []
+    assert report_of(draw(main, bpy.data.images["Other"])) == []
 
 
 def test_the_panel_shows_the_progress(monkeypatch):
     job = SimpleNamespace(fraction=0.5, message="Tracing flow-lines")
     monkeypatch.setattr(jobs, "current", lambda: job)
-    drawn = draw(panels.SHOCK_FILTER_PT_main)
+    layout = Layout()
+    drawn = draw(panels.SHOCK_FILTER_PT_main, layout=layout)
     assert words(drawn, "progress") == ["Tracing flow-lines"]
-    assert drawn[-2][0] == "operator"
-    assert len(words(drawn, "operator")) == 1  # Cancel
+    _, *others = words(drawn, "operator")  # the first one cancels
+    assert set(others) <= set(layout.gray)
+    assert not {name for (name,) in others} & {"shock_filter.sharpen_geometry"}
 
 
 def test_the_panel_shows_how_far_kernels_are_compiled_and_has_its_buttons(monkeypatch):
@@ -422,12 +450,9 @@ def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):
     monkeypatch.setattr(
         flow_shown, "shown_object", lambda kind="flow": box.name if kind == "flow" else None
     )
-    shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
-    assert shown[-4:] == [("shock_filter.hide_flow",), *OF_CREASES]
-    assert ("shock_filter.show_flow",) not in shown
+    assert words(draw(panels.SHOCK_FILTER_PT_main), "operator")[-1] == ("shock_filter.hide_flow",)
     rounded_box(location=(4, 0, 0))
-    shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
-    assert shown[-5:-3] == [("shock_filter.show_flow",), ("shock_filter.hide_flow",)]
+    assert words(draw(panels.SHOCK_FILTER_PT_main), "operator")[-1] == ("shock_filter.hide_flow",)
 
 
 def test_the_button_of_creases_hides_what_is_shown(monkeypatch, rounded_box):
@@ -437,7 +462,6 @@ def test_the_button_of_creases_hides_what_is_shown(monkeypatch, rounded_box):
     shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
     assert shown[-1] == ("shock_filter.hide_creases",)
     assert ("shock_filter.show_creases",) not in shown
-    assert ("shock_filter.show_flow",) in shown
     rounded_box(location=(4, 0, 0))
     shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
     assert shown[-2:] == [("shock_filter.show_creases",), ("shock_filter.hide_creases",)]
@@ -465,7 +489,8 @@ def test_preview_is_offered_in_other_modes(rounded_box):
     bpy.ops.object.mode_set(mode="SCULPT")
     shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
     assert ("shock_filter.preview",) in shown
-    assert ("shock_filter.show_flow",) in shown
+    advanced = draw(bpy.types.SHOCK_FILTER_PT_advanced)
+    assert ("shock_filter.show_flow",) in words(advanced, "operator")
 
 
 def test_no_name_is_wider_than_the_sidebar():
@@ -479,7 +504,8 @@ def reason(panel=panels.SHOCK_FILTER_PT_main, image=None):
     """Draw the panel; return what it says, and whether its buttons can be pressed."""
     layout = Layout()
     drawn = draw(panel, image, layout)
-    return " ".join(map(str, words(drawn, "label"))), layout.enabled[-1]
+    main = words(drawn, "operator")[0]
+    return " ".join(map(str, report_of(drawn))), main not in layout.gray
 
 
 def test_the_panel_says_why_nothing_can_be_run(rounded_box, monkeypatch):
@@ -540,7 +566,8 @@ def test_the_panel_says_what_failed_and_what_was_left_out(rounded_box, select):
     assert text.startswith("Sharpened 1 mesh: ")
     assert "Modifiers were left in place" in text
     assert "Skipped Bad: " in text
-    assert text == " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    assert text.split() == " ".join(report_of(draw(panels.SHOCK_FILTER_PT_main))).split()
+    assert text.splitlines()[-1].startswith("Skipped Bad: ")  # a line of its own
     select(bad)
     with pytest.raises(RuntimeError, match="Skipped Bad"):
         bpy.ops.shock_filter.sharpen_geometry()
@@ -593,7 +620,7 @@ def test_long_sentences_are_wrapped(monkeypatch, rounded_box):
     sentence = "One sentence that is much longer than a narrow sidebar can show on a line."
     monkeypatch.setattr(kernels, "problem", lambda: sentence)
     monkeypatch.setattr(operators, "summaries", {})
-    lines = words(draw(panels.SHOCK_FILTER_PT_main), "label")
+    lines = report_of(draw(panels.SHOCK_FILTER_PT_main))
     assert len(lines) > 1
     assert " ".join(lines) == sentence
 
@@ -605,7 +632,7 @@ def texture_panels(editor):
     scene.shock_filter.image_mode = "TEXTURE"
     main = panels.SHOCK_FILTER_PT_image_main if editor else panels.SHOCK_FILTER_PT_main
     below = [p for p in panels.CLASSES if getattr(p, "bl_parent_id", "") == main.__name__]
-    return main, [panel for panel in below if is_seen(panel, SimpleNamespace(scene=scene))]
+    return main, [panel for panel in below if is_seen(panel, context_in())]
 
 
 @pytest.mark.parametrize("editor", [False, True])
@@ -613,9 +640,8 @@ def test_both_editors_have_all_settings_of_textures(editor, rounded_box):
     rounded_box()
     main, below = texture_panels(editor)
     drawn = [entry for panel in (main, *below) for entry in draw(panel)]
-    shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - CHOICES
-    wanted = set(bpy.context.scene.shock_filter.texture.bl_rna.properties.keys())
-    wanted -= {"rna_type", "name", "selected_only"}
+    shown = set(settings_of(drawn)) - CHOICES
+    wanted = kept(bpy.context.scene.shock_filter.texture)
     assert shown == wanted - ({"image"} if editor else set())
 
 
@@ -623,12 +649,14 @@ def test_the_image_editors_buttons_name_the_image_that_is_seen():
     image = bpy.data.images.new("Seen", 4, 4)
     bpy.context.scene.shock_filter.texture.image = "Other"
     bpy.context.scene.shock_filter.texture.gutter = 3
-    main, _ = texture_panels(editor=True)
-    *both, _ = words(draw(main, image=image), "set")
-    for carried in both:
+    for mode in ("TEXTURE", "DILATE"):
+        main, _ = texture_panels(editor=True)
+        bpy.context.scene.shock_filter.image_mode = mode
+        carried, *_ = words(draw(main, image=image), "set")
         assert (carried.image, carried.gutter) == ("Seen", 3)
-    main, _ = texture_panels(editor=False)
-    for carried in words(draw(main), "set")[:2]:
+        main, _ = texture_panels(editor=False)
+        bpy.context.scene.shock_filter.mode = mode
+        carried, *_ = words(draw(main), "set")
         assert carried.image == "Other"
 
 
@@ -654,7 +682,265 @@ def test_the_texture_panel_says_which_image_or_why_none(rounded_box):
     box.data.materials.append(material)
     assert "Will sharpen: Wood" in words(draw(main), "label")
     bpy.context.scene.shock_filter.texture.image = "Wood"
-    assert "Will sharpen: Wood" not in words(draw(main), "label")
+    assert "Will sharpen: Wood" in words(draw(main), "label")
     bpy.data.images.remove(bpy.data.images["Wood"])
     text = " ".join(map(str, words(draw(main), "label")))
     assert "there is no image named 'Wood'; choose one of the file's images." in text
+
+
+def heights(width=280):
+    """Return how many rows of choices, and lines, are above the main button and Preview."""
+    drawn = draw(panels.SHOCK_FILTER_PT_main, width=width)
+    last = [text for _, text in drawn].index(("shock_filter.before_after",))
+    rows = [name for name, _ in drawn[:last]]
+    return rows.count("row") + rows.count("label"), rows.count("operator")
+
+
+@pytest.mark.parametrize("width", [180, 280, 500])
+def test_no_button_moves_as_a_mode_a_selection_or_a_report_changes(rounded_box, width):
+    scene = bpy.context.scene.shock_filter
+    seen = set()
+    for selects in (False, True):
+        if selects:
+            rounded_box()
+        for mode in ("GEOMETRY", "DENOISE", "DENOISE_TEXTURE", "COLORS", "TEXTURE", "DETAIL",
+                     "STITCH", "DILATE"):  # fmt: skip
+            scene.mode = mode
+            seen.add(heights(width))
+    scene.mode = "GEOMETRY"
+    bpy.ops.shock_filter.sharpen_geometry(where="everywhere")
+    seen.add(heights(width))
+    assert len(seen) == 1
+
+
+def test_a_texture_is_announced_even_if_there_is_none():
+    bpy.context.scene.shock_filter.mode = "TEXTURE"
+    assert "Will sharpen: \u2013" in words(draw(panels.SHOCK_FILTER_PT_main), "label")
+
+
+def chosen_first(panel=panels.SHOCK_FILTER_PT_main, space="VIEW_3D"):
+    return panel.mode(context_in(space)).key
+
+
+def test_the_panel_opens_on_what_fits_the_selection(rounded_box):
+    box = rounded_box()
+    assert chosen_first() == "geometry"
+    assert chosen_first(panels.SHOCK_FILTER_PT_image_main, "IMAGE_EDITOR") == "image"
+    bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+    assert chosen_first() == "colors"
+    bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+    assert chosen_first() == "texture"  # Blender's cube has UVs
+    bpy.ops.object.mode_set(mode="OBJECT")
+    box.data.uv_layers.remove(box.data.uv_layers[0])
+    bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+    assert chosen_first() == "geometry"
+
+
+def test_a_mesh_without_uvs_shows_no_texture_unless_that_is_chosen_for_it(rounded_box):
+    rounded_box()
+    scene = bpy.context.scene.shock_filter
+    for mode in ("TEXTURE", "DETAIL", "DENOISE_TEXTURE"):
+        scene.mode = mode
+        assert chosen_first() == mode.lower()
+        other = rounded_box(location=(4, 0, 0))
+        other.data.uv_layers.remove(other.data.uv_layers[0])
+        assert chosen_first() == "geometry"
+        scene.mode = mode
+        assert chosen_first() == mode.lower()
+        assert "Unwrap the mesh" in reason()[0]
+        rounded_box()
+
+
+def test_a_click_in_the_first_row_leads_to_its_first_mode(rounded_box):
+    rounded_box()
+    scene = bpy.context.scene.shock_filter
+    for choice, name in (("mode", "job"), ("image_mode", "image_job")):
+        for job in JOBS[choice]:
+            setattr(scene, name, job.key)
+            assert getattr(scene, choice) == job.modes[0].upper()
+            for mode in job.modes:
+                setattr(scene, choice, mode.upper())
+                assert getattr(scene, name) == job.key
+
+
+def test_denoising_is_one_choice_of_mesh_colors_and_texture(rounded_box):
+    rounded_box()
+    scene = bpy.context.scene.shock_filter
+    scene.job = "DENOISE"
+    shown = words(draw(panels.SHOCK_FILTER_PT_main), "prop_enum")
+    assert shown[-4:] == ["Mesh", "Colors", "Both", "Texture"]
+    for each, mode, target in (("colors", "DENOISE", "colors"), ("texture", "DENOISE_TEXTURE", ""),
+                               ("geometry", "DENOISE", "geometry")):  # fmt: skip
+        scene.noisy = each
+        assert (scene.noisy, scene.mode) == (each, mode)
+        assert not target or scene.denoise.target == target
+
+
+def test_modes_of_scripts_and_old_files_that_have_a_panel_of_their_own(rounded_box):
+    rounded_box()
+    scene = bpy.context.scene.shock_filter
+    for mode in ("GENERATE", "VISUALIZE"):
+        scene.mode = mode
+        assert scene.mode == mode
+        assert chosen_first() == "geometry"
+        assert scene.job == "GEOMETRY"
+
+
+@pytest.mark.parametrize(
+    ("name", "operator", "first"),
+    [
+        ("generate", "generate", {"look", "width", "start_from", "image_size"}),
+        ("flow", "visualize_flow", {"step", "streak_frames", "frames", "image_size"}),
+    ],
+)
+def test_generate_and_flow_have_closed_panels_with_few_settings(rounded_box, name, operator, first):
+    rounded_box()
+    panel = getattr(panels, f"SHOCK_FILTER_PT_{name}")
+    assert panel.bl_options == {"DEFAULT_CLOSED"}
+    drawn = draw(panel)
+    assert words(drawn, "operator")[0] == (f"shock_filter.{operator}",)
+    assert set(settings_of(drawn)) == first
+    unfolded = Unfolded()
+    draw(panel, layout=unfolded)
+    settings = getattr(bpy.context.scene.shock_filter, panel.own)
+    rest = set(settings_of(unfolded.drawn)) - first
+    assert {"gutter", "smoothing"} <= rest or {"contrast", "loop", "in_colors"} <= rest
+    assert settings.bl_rna.properties["start_from" if name == "generate" else "step"].name in (
+        "From", "Speed")  # fmt: skip
+
+
+def test_all_settings_of_flows_stand_in_their_panel(rounded_box):
+    rounded_box()
+    settings = bpy.context.scene.shock_filter.visualize
+    settings.target = "attribute"
+    layout = Unfolded()
+    draw(panels.SHOCK_FILTER_PT_flow, layout=layout)
+    shown = {"blending" if n == "streak_frames" else n for n in settings_of(layout.drawn)}
+    assert kept(settings) - shown <= {"target", "image", "y_axis"}
+
+
+def test_length_is_blending_in_frames():
+    settings = bpy.context.scene.shock_filter.visualize
+    assert settings.streak_frames == pytest.approx(10.0)
+    settings.streak_frames = 20.0
+    assert settings.blending == pytest.approx(0.05)
+
+
+def test_from_is_source_and_start():
+    settings = bpy.context.scene.shock_filter.generate
+    assert settings.start_from == "AUTO"
+    for start in ("SELECTED", "LOWEST", "GROUP", "SEAMS", "SHARP", "IMAGE"):
+        settings.start_from = start
+        assert (settings.source, settings.start, settings.start_from) == ("given", start, start)
+    for each, source in (("BORDER", "border"), ("CHARTS", "seams")):
+        settings.start_from = each
+        assert (settings.source, settings.start_from) == (source, each)
+    names = [item.name for item in settings.bl_rna.properties["start_from"].enum_items]
+    assert {"Lowest Point", "Marked Edges", "Selection"} <= set(names)
+
+
+AUTOMATIC = [
+    ("geometry", "widest_fillet", 0.0),
+    ("colors", "width", 0.0),
+    ("image", "width", 0.0),
+    ("texture", "width", 0.0),
+    ("texture", "time", -1.0),
+    ("denoise", "bump_size", 0.0),
+    ("denoise_image", "beta", -1.0),
+    ("denoise_texture", "beta", -1.0),
+    ("generate", "width", 0.0),
+]
+
+
+@pytest.mark.parametrize(("mode", "name", "auto"), AUTOMATIC)
+def test_a_switch_says_auto_where_the_value_means_that(mode, name, auto):
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    switch = f"{name}_auto"
+    assert getattr(settings, name) == auto
+    assert getattr(settings, switch)
+    assert settings.bl_rna.properties[switch].name == "Auto"
+    setattr(settings, switch, False)
+    assert getattr(settings, name) > 0
+    setattr(settings, name, 3.0)
+    assert not getattr(settings, switch)
+    setattr(settings, switch, True)
+    assert getattr(settings, name) == auto
+
+
+def test_a_field_is_shown_only_where_it_is_not_auto(rounded_box):
+    rounded_box()
+    settings = bpy.context.scene.shock_filter.geometry
+    shown = words(draw(panels.SHOCK_FILTER_PT_main), "prop")
+    assert "widest_fillet_auto" in shown
+    assert "widest_fillet" not in shown
+    settings.widest_fillet = 2.0
+    shown = words(draw(panels.SHOCK_FILTER_PT_main), "prop")
+    assert {"widest_fillet_auto", "widest_fillet"} <= set(shown)
+
+
+def test_every_value_that_means_auto_has_a_switch():
+    for mode in choices():
+        for target in mode.targets:
+            for name, about in target.fields.items():
+                measures = any(word in about.description for word in (" measures ", " by itself"))
+                if about.minimum < 0 or (measures and not about.choices):
+                    assert about.auto is not None, name
+
+
+def test_low_poly_is_not_cut_off():
+    drawn = draw(panels.SHOCK_FILTER_PT_main)
+    at = [n for n, (_, text) in enumerate(drawn) if text in OF_CREASES]
+    between = [name for name, _ in drawn[at[1] : at[2]]]
+    assert "row" in between  # not all in one
+
+
+def test_reports_of_several_objects_have_a_line_for_each(rounded_box, select):
+    box = rounded_box()
+    bpy.ops.mesh.primitive_uv_sphere_add(location=(4, 0, 0))
+    ball = bpy.context.object
+    select(box, ball)
+    bpy.ops.shock_filter.sharpen_geometry()
+    said = operators.summaries["geometry"].splitlines()
+    of_ball = [line for line in said if line.startswith(f"{ball.name}: ")]
+    of_box = [line for line in said if line.startswith(f"{box.name}: ")]
+    assert (len(of_box), len(of_ball)) == (1, 1)
+    assert "Where to Everywhere" in of_ball[0]
+    assert "Where to Everywhere" not in of_box[0]
+    assert "edge length" in said[0]
+    assert " cm (" in said[0] or " m (" in said[0]
+    drawn = report_of(draw(panels.SHOCK_FILTER_PT_main, width=2000))
+    assert drawn == said  # each on a line of its own
+
+
+def test_what_auto_chose_is_shown_and_can_be_kept():
+    image = bpy.data.images.new("Noisy", 48, 48)
+    noise = np.random.default_rng(0).normal(0.5, 0.05, 4 * 48 * 48).astype(np.float32)
+    image.pixels.foreach_set(noise)
+    scene = bpy.context.scene.shock_filter
+    scene.image_mode = "DENOISE_IMAGE"
+    main = panels.SHOCK_FILTER_PT_image_main
+    assert ("shock_filter.keep_auto",) not in words(draw(main, image), "operator")
+    bpy.ops.shock_filter.denoise_image(image="Noisy", alpha="none")
+    shown = bpy.data.images["Noisy denoised"]
+    drawn = draw(main, shown)
+    assert ("shock_filter.keep_auto",) in words(drawn, "operator")
+    (kept,) = [
+        each for each in words(drawn, "set") if hasattr(each, "name") and each.name == "beta"
+    ]
+    assert (kept.mode, kept.name) == ("denoise_image", "beta")
+    chosen = keeping.found_by(context_in("IMAGE_EDITOR", shown), kept.mode, kept.name)
+    assert f"Keep Edges {chosen.text}." in operators.summaries["denoise_image"]
+    assert keeping.found_by(context_in("IMAGE_EDITOR", image), "image", "width") is None
+
+
+def test_keep_puts_lengths_into_the_field_as_the_report_gives_them(rounded_box):
+    rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry()
+    chosen = keeping.found_by(bpy.context, "geometry", "widest_fillet")
+    assert chosen.text.endswith("m")  # in the scene's units
+    assert bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet") == {"FINISHED"}
+    settings = bpy.context.scene.shock_filter.geometry
+    assert settings.widest_fillet == pytest.approx(chosen.value) != 0.0
+    rounded_box(location=(4, 0, 0))
+    with pytest.raises(RuntimeError, match="run it first"):
+        bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")

@@ -114,8 +114,40 @@ def test_the_first_preset_is_the_defaults(mode):
 
 
 def test_a_preset_that_is_not_there_is_named():
-    with pytest.raises(RuntimeError, match=r"'Nine'; choose one of: Defaults, Subtle, Remeshed"):
+    with pytest.raises(RuntimeError, match=r"'Nine'; choose one of: Defaults, Subtle, Crisp"):
         bpy.ops.shock_filter.use_preset(mode="geometry", name="Nine")
+
+
+@pytest.mark.parametrize(
+    ("mode", "name", "values"),
+    [
+        ("denoise", "As in the Paper", {"method": "beltrami"}),
+        ("geometry", "Remeshed Hard Surface", {"align_passes": 3, "fit_steps": 25}),
+        ("geometry", "As in the Paper", {"where": "everywhere", "align_passes": 0, "fit_steps": 1}),
+    ],
+)
+def test_scripts_may_name_presets_that_are_not_offered_any_more(mode, name, values):
+    assert name not in {preset.name for preset in find(mode).presets}
+    assert bpy.ops.shock_filter.use_preset(mode=mode, name=name) == {"FINISHED"}
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    assert {each: getattr(settings, each) for each in values} == values
+
+
+def test_a_preset_of_a_person_is_named_until_something_changes():
+    settings = bpy.context.scene.shock_filter.image
+    settings.amount = 0.3
+    assert presets.shown_name(find("image"), settings) == "Custom"
+    bpy.ops.shock_filter.image_preset_add(name="Mine")
+    (folder,) = bpy.utils.preset_paths("shock_filter/image")
+    bpy.ops.script.execute_preset(
+        filepath=f"{folder}/Mine.py", menu_idname="SHOCK_FILTER_PT_image_presets"
+    )
+    assert presets.shown_name(find("image"), settings) == "Mine"
+    settings.amount = 0.4
+    assert presets.shown_name(find("image"), settings) == "Custom"
+    bpy.ops.shock_filter.use_preset(mode="image", name="Subtle")
+    assert presets.shown_name(find("image"), settings) == "Subtle"
+    bpy.ops.shock_filter.image_preset_add(name="Mine", remove_name=True)
 
 
 def test_the_tooltip_says_the_reason():

@@ -67,13 +67,18 @@ def presets():
             assert bpy.ops.shock_filter.use_preset(mode=mode, name=name) == {"FINISHED"}
             found[mode][name] = {
                 known: default_like(settings, known)
-                for known in [each.identifier for each in settings.bl_rna.properties]
+                for known in stored(settings)
                 if settings.is_property_set(known)
                 if known not in ("rna_type", "name")
             }
         adds = getattr(bpy.types, f"SHOCK_FILTER_OT_{mode}_preset_add")
         found[mode]["kept"] = [panel.preset_subdir, *sorted(adds.preset_values.fget(adds))]
     return found
+
+
+def stored(settings):
+    """Name what files store; the hidden ones show others in another way."""
+    return [each.identifier for each in settings.bl_rna.properties if not each.is_hidden]
 
 
 def default_like(settings, name):

@@ -39,7 +39,8 @@ def test_a_word_that_is_longer_than_the_line_has_a_line_of_its_own():
 @pytest.mark.parametrize(
     ("choices", "fits"),
     [
-        (["Denoise", "Geometry", "Colors", "Texture"], True),
+        (["Denoise", "Geometry", "Colors", "Texture"], False),
+        (["Sharpen", "Detail", "Stitch", "Dilate"], True),
         (["Entrauschen", "Geometrie", "Farben", "Textur"], False),
         (["Geometrie", "Farben", "Beides"], True),
         (["Geometrie", "Farben", "Textur", "Bild"], False),

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import shock_filter
 from shock_filter import core
-from shock_filter.shock_addon.modes import DEFAULTS, MODES
+from shock_filter.shock_addon.modes import DEFAULTS, JOBS, MODES
 
 ROOT = Path(shock_filter.__file__).parent
 FILES = sorted((ROOT / "shock_addon" / "ui" / "locale").glob("*.json"))
@@ -45,10 +45,15 @@ REASONS = {"chosen.py"}
 """Files whose reasons to skip something are all shown."""
 
 
+SHOWN_IN_CODE = ("job", "noisy", "_auto", "start_from", "streak_frames")
+"""Ends of names of hidden properties, which panels show another way than Blender would."""
+
+
 def texts_of(rna):
     """List names and descriptions in a struct and in those that it points to."""
     for about in rna.properties:
-        if about.is_hidden or about.identifier in bpy.types.PropertyGroup.bl_rna.properties:
+        is_left_out = about.is_hidden and not about.identifier.endswith(SHOWN_IN_CODE)
+        if is_left_out or about.identifier in bpy.types.PropertyGroup.bl_rna.properties:
             continue
         if about.type == "POINTER":
             yield from texts_of(about.fixed_type)
@@ -152,6 +157,8 @@ def texts_of_errors():
 
 
 def texts_of_modes():
+    for job in (job for jobs in JOBS.values() for job in jobs):
+        yield from (job.label, job.about, job.does, *job.parts)
     for mode in MODES:
         yield from (mode.title, mode.done, mode.advice, mode.nothing, mode.changes, mode.announced)
         if mode.follows is not None:

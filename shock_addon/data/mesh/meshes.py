@@ -250,6 +250,12 @@ def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     return matrix / stretches[0]
 
 
+def scale_in_world(obj: bpy.types.Object) -> float:
+    """Return what the lengths of `lengths_in_world` are multiplied with in the scene."""
+    matrix = np.array(obj.matrix_world, dtype=np.float64)[:3, :3]
+    return float(np.linalg.svd(matrix, compute_uv=False)[0])
+
+
 def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     """Return the matrix that brings the object's points into the world: (4, 4).
 

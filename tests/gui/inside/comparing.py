@@ -26,7 +26,7 @@ from seeing import drag, middle, object_seen, said, state
 MODES = {"SCULPT": "geometry", "VERTEX_PAINT": "colors", "EDIT": "geometry"}
 """What is previewed in each of Blender's modes of the 3D view."""
 
-BEFORE_AFTER = 1
+BEFORE_AFTER = 2
 """Number of the button in the tab after a run, from the top."""
 
 

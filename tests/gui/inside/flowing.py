@@ -17,6 +17,7 @@ from harness import (
     crop,
     different,
     finished,
+    open_own_panel,
     open_tab,
     over,
     park,
@@ -56,7 +57,7 @@ def on_the_model(folder: Path) -> Steps:
     settings = bpy.context.scene.shock_filter.visualize
     settings.target, settings.folder = "shape", str(folder / "shape")
     yield from open_tab()
-    yield DRAWN
+    yield from open_own_panel(-1)
     places = yield from buttons()
     yield from click(tallest(places))
     yield from park()
@@ -109,7 +110,7 @@ def in_the_image_editor(folder: Path) -> Steps:
     chosen.image_mode = "VISUALIZE"
     chosen.visualize.folder = str(folder / "map")
     yield from open_tab("IMAGE_EDITOR")
-    yield DRAWN
+    yield from open_own_panel(-1, "IMAGE_EDITOR")
     places = yield from buttons("IMAGE_EDITOR")
     yield from click(tallest(places))
     yield from park("IMAGE_EDITOR")

@@ -17,6 +17,7 @@ from harness import (
     different,
     finished,
     move,
+    open_own_panel,
     open_tab,
     park,
     picture,
@@ -27,8 +28,11 @@ from harness import (
 )
 from seeing import middle, running_preview
 
-PREVIEW = -1
-"""Number of its button in the tab, from the bottom."""
+PREVIEW = 1
+"""Number of its button in the panel, from the top."""
+
+GENERATE = -2
+"""Number of its panel in the tab, from the bottom."""
 
 LIMIT = 60.0
 
@@ -45,6 +49,7 @@ def scenario() -> Steps:
     chosen.generate.image_size = "256"
     chosen.generate.pattern_steps = 300
     yield from open_tab()
+    yield from open_own_panel(GENERATE)
     for target in ("distance", "streaks", "pattern"):
         chosen.generate.target = target
         seen = report[target] = {}

@@ -101,6 +101,39 @@ def open_tab(kind: str = "VIEW_3D") -> Steps:
     yield DRAWN
 
 
+def open_own_panel(number: int, kind: str = "VIEW_3D") -> Steps:
+    """Close the tab's first panel, and open a closed one, by clicks on their headers.
+
+    `number` counts from the bottom: -1 is the last one.
+    """
+    yield from click_header(0, kind)
+    yield from click_header(number, kind)
+
+
+def click_header(number: int, kind: str = "VIEW_3D") -> Steps:
+    """Click on the header of one of the tab's panels."""
+    found = panel_headers(kind)
+    true = tuple(getattr(*found))
+    setattr(*found, MARK)
+    yield from park(kind)
+    yield DRAWN
+    places = marked(region(kind, "UI"))
+    setattr(*found, true)
+    yield DRAWN
+    yield from click(places[number])
+    yield from park(kind)
+    yield 2 * DRAWN  # it opens slowly
+
+
+def panel_headers(kind: str) -> tuple[Any, str]:
+    """Return the theme's color of the headers of panels: its owner and its name."""
+    theme = bpy.context.preferences.themes[0]
+    if hasattr(theme.user_interface, "panel_header"):  # Blender 5
+        return theme.user_interface, "panel_header"
+    space = theme.view_3d if kind == "VIEW_3D" else theme.image_editor
+    return space.space.panelcolors, "header"
+
+
 def running() -> bool:
     """Tell whether a run is under way, or its thread has not ended yet."""
     threads = [thread.name for thread in threading.enumerate()]

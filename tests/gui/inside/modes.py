@@ -13,6 +13,7 @@ from harness import (
     colors,
     finished,
     last_operator,
+    open_own_panel,
     open_tab,
     over,
     park,
@@ -30,6 +31,9 @@ MESH_MODES = {
     "geometry": "sharpen_geometry",
     "colors": "sharpen_colors",
 }
+GENERATE = -2
+"""Number of its panel in the tab, from the bottom."""
+
 IMAGE_MODES = {
     "denoise_image": "denoise_image",
     "image": "sharpen_image",
@@ -127,8 +131,9 @@ def image_mode(kind: str, mode: str, operator: str, seen: dict) -> Steps:
 def generated() -> Steps:
     """Let a pattern grow by the panel's button, and take a picture of it."""
     chosen = bpy.context.scene.shock_filter
-    chosen.mode, chosen.generate.target = "GENERATE", "pattern"
+    chosen.generate.target = "pattern"
     chosen.generate.image_size = "512"
+    yield from open_own_panel(GENERATE)
     places = yield from buttons()
     tree = bpy.data.materials["Coat"].node_tree
     before, node, nodes = set(bpy.data.images.keys()), tree.nodes.active, set(tree.nodes)

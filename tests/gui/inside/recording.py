@@ -24,8 +24,8 @@ from harness import (
 )
 
 LOOP = PICTURES / "loop"
-PREVIEW = -5
-"""The button's number in the tab, from the bottom."""
+PREVIEW = 1
+"""The button's number in the tab, from the top."""
 
 
 def scenario() -> Steps:

@@ -28,9 +28,8 @@ from harness import (
     run,
 )
 
-PREVIEW = {"geometry": -5, "colors": -2, "denoise": -1}
-FLOW = {"geometry": -4, "colors": -1}
-"""Numbers of buttons in the tab, from the bottom, where these two are."""
+PREVIEW = 1
+"""Number of the button in the tab, from the top."""
 
 
 def scenario() -> Steps:
@@ -60,13 +59,16 @@ def scenario() -> Steps:
 
 
 def flow(mode: str, seen: dict) -> Steps:
-    """Show the flow, and hide it again, by clicks."""
+    """Show the flow, hide it again by a click, and show it once more."""
     yield DRAWN
     before = object_seen()
-    places = yield from buttons()
-    seen["buttons"] = len(places)
-    for _ in range(3):
-        yield from click(places[FLOW[mode]])
+    seen["buttons"] = len((yield from buttons()))
+    for step in range(3):
+        if step == 1:
+            places = yield from buttons()
+            yield from click(places[-1])  # Hide Flow
+        else:
+            run("show_flow", mode=mode)
         yield from park()
         yield from finished()
         yield from park()
@@ -85,11 +87,11 @@ def preview(mode: str, seen: dict) -> Steps:
     dial = "strength" if mode == "denoise" else "amount"
     setattr(settings, dial, 0.5)  # so that the mouse can raise it
     places = yield from buttons()
-    yield from click(places[PREVIEW[mode]])
+    yield from click(places[PREVIEW])
     yield DRAWN
     seen["start_values"] = values()
     for way in (0.2, 0.4, 0.6, 0.8, 1.0):
-        (left, bottom, *_), (x, y) = places[PREVIEW[mode]], middle()
+        (left, bottom, *_), (x, y) = places[PREVIEW], middle()
         move(left + way * (x - left), bottom + way * (y - bottom))
         yield 0.05
     yield DRAWN

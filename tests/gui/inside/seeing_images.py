@@ -31,8 +31,8 @@ from harness import (
     screen,
 )
 
-PREVIEW = -1
-"""Number of the button in the tab, from the bottom."""
+PREVIEW = 1
+"""Number of the button in the tab, from the top."""
 
 OCTAVE = 50
 

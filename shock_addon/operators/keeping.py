@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What runs chose where settings were left to them, and the operator that keeps it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+
+from .. import data
+
+subjects: dict[str, set[int]] = {}
+"""The uids of the objects and images of the last run of each mode."""
+
+
+class Found(NamedTuple):
+    """The value that a run chose for a setting, and that in words, in the scene's units."""
+
+    value: float
+    text: str
+
+
+found: dict[str, dict[str, Found]] = {}
+"""What these runs chose for settings that were left to them, by mode and property."""
+
+
+def found_by(context: bpy.types.Context, key: str, name: str) -> Found | None:
+    """Return what the last run of a mode on the selection chose for a setting left to it."""
+    same = data.chosen.subjects(context) & subjects.get(key, set())
+    return found.get(key, {}).get(name) if same else None
+
+
+class SHOCK_FILTER_OT_keep_auto(bpy.types.Operator):
+    """Put what the last run chose into the field, so that the next runs have the same"""
+
+    bl_idname = "shock_filter.keep_auto"
+    bl_label = "Keep"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    mode: bpy.props.StringProperty()
+    name: bpy.props.StringProperty()
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Set the value."""
+        chosen = found_by(context, self.mode, self.name)
+        if chosen is None:
+            self.report({"ERROR"}, "No run on what is selected has chosen this; run it first.")
+            return {"CANCELLED"}
+        setattr(getattr(context.scene.shock_filter, self.mode), self.name, chosen.value)
+        return {"FINISHED"}
+
+
+CLASSES = (SHOCK_FILTER_OT_keep_auto,)
