@@ -17,8 +17,9 @@ from bpy.app.translations import pgettext_iface as iface_
 from .. import data
 from ..modes import Mode
 from .coat import Coat
-from .painting import HINT
 from .previewing import Preview, parameters_of
+
+HINT = "White raises detail, black smooths it, middle gray keeps it. Paint Gain again ends."
 
 _SHARE = 5
 """The interval between looks at the map, relative to the time that a look takes."""

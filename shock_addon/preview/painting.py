@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 _INTERVAL = 0.05
 _STAND_IN = ".shock_filter preview"  # as in data.image.stand_in, which needs numpy
 
-HINT = "White raises detail, black smooths it, middle gray keeps it. Paint Gain again ends."
-
 _running: list[Painting] = []
 
 
@@ -52,7 +50,7 @@ class SHOCK_FILTER_OT_paint_gain(bpy.types.Operator):
         if _running:
             stop()
             return {"FINISHED"}
-        from .gain import Painting
+        from .gain import HINT, Painting
 
         try:
             _running.append(Painting(context, _mode(context)))

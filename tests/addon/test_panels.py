@@ -11,7 +11,7 @@ from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import showing as flow_shown
 from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import keeping, statistics
+from shock_filter.shock_addon.operators import keeping, linking, statistics
 from shock_filter.shock_addon.running import jobs, kernels, preparing
 from shock_filter.shock_addon.ui import menus, panels
 
@@ -559,7 +559,7 @@ def test_the_panel_says_what_failed_and_what_was_left_out(rounded_box, select):
     good, bad = rounded_box(), rounded_box(location=(4, 0, 0))
     bad.name = "Bad"
     bad.data.vertices[0].co.x = float("nan")
-    good.modifiers.new("Finer", "SUBSURF")
+    good.modifiers.new("Bent", "SIMPLE_DEFORM")
     select(good, bad)
     bpy.ops.shock_filter.sharpen_geometry()
     text = operators.summaries["geometry"]
@@ -572,6 +572,26 @@ def test_the_panel_says_what_failed_and_what_was_left_out(rounded_box, select):
     with pytest.raises(RuntimeError, match="Skipped Bad"):
         bpy.ops.shock_filter.sharpen_geometry()
     assert operators.summaries["geometry"].startswith("Skipped Bad: Vertex 0 has no valid position")
+
+
+def test_a_new_object_is_said_before_the_press(rounded_box):
+    box = rounded_box()
+    box.modifiers.new("Voxels", "REMESH")
+    drawn = draw(panels.SHOCK_FILTER_PT_main)
+    said = " ".join(words(drawn, "label"))
+    assert "New Object: Voxels is on top, so what is seen is filtered" in said
+    bpy.context.scene.shock_filter.geometry.output = "MESH"
+    assert "New Object" not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+
+
+@pytest.mark.parametrize("mode", ["GENERATE", "GEOMETRY"])
+def test_link_is_offered_while_a_generated_image_waits(rounded_box, monkeypatch, mode):
+    rounded_box()
+    bpy.context.scene.shock_filter.mode = mode
+    for waiting in (True, False):
+        monkeypatch.setattr(linking, "is_waiting", lambda context, found=waiting: found)
+        offered = words(draw(panels.SHOCK_FILTER_PT_main), "operator_menu_enum")
+        assert offered == ["into"] * (waiting and mode == "GENERATE")
 
 
 def test_the_image_editor_says_why_nothing_can_be_run(monkeypatch):

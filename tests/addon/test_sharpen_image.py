@@ -116,6 +116,22 @@ def state_of(image):
     return tuple(image.size), image.is_float, image.alpha_mode, image.depth, space, packed
 
 
+def test_a_second_press_that_changes_nothing_leaves_no_copy():
+    add()
+    assert sharpen(image="Photo") == {"FINISHED"}
+    made = bits(bpy.data.images["Photo sharpened"])
+    assert sharpen(image="Photo sharpened", amount=0.0) == {"FINISHED"}
+    assert sorted(bpy.data.images.keys()) == ["Photo", "Photo sharpened"]
+    assert bits(bpy.data.images["Photo sharpened"]) == made
+    said = operators.summaries["image"]
+    assert said.startswith(
+        "Nothing in Photo sharpened has changed, so no copy was made: 960 pixels"
+    )
+    # With something to change there is one.
+    assert sharpen(image="Photo sharpened", what="photo", width=8.0) == {"FINISHED"}
+    assert sorted(bpy.data.images.keys())[2:] == ["Photo sharpened.001"]
+
+
 def test_all_bytes_survive():
     levels = (np.arange(32 * 32 * 4) % 256 / 255).reshape(32, 32, 4).astype(np.float32)
     photo = add(pixels=levels)
