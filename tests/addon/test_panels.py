@@ -9,7 +9,7 @@ import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import showing as flow_shown
-from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find
+from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find, modes_of
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import keeping, statistics
 from shock_filter.shock_addon.running import jobs, kernels, preparing
@@ -757,9 +757,10 @@ def test_a_click_in_the_first_row_leads_to_its_first_mode(rounded_box):
     for choice, name in (("mode", "job"), ("image_mode", "image_job")):
         for job in JOBS[choice]:
             setattr(scene, name, job.key)
-            assert getattr(scene, choice) == job.modes[0].upper()
-            for mode in job.modes:
-                setattr(scene, choice, mode.upper())
+            modes = modes_of(choice, job)
+            assert getattr(scene, choice) == modes[0].key.upper()
+            for mode in modes:
+                setattr(scene, choice, mode.key.upper())
                 assert getattr(scene, name) == job.key
 
 
