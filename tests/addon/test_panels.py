@@ -945,3 +945,12 @@ def test_keep_puts_lengths_into_the_field_as_the_report_gives_them(rounded_box):
     rounded_box(location=(4, 0, 0))
     with pytest.raises(RuntimeError, match="run it first"):
         bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")
+
+
+def test_every_mode_has_a_button_or_a_panel_of_its_own():
+    own = {panel.own for panel in panels.CLASSES if getattr(panel, "own", "")}
+    for choice in JOBS:
+        led = {mode.key for job in JOBS[choice] for mode in modes_of(choice, job)}
+        known = bpy.context.scene.shock_filter.bl_rna.properties[choice].enum_items.keys()
+        assert {key.lower() for key in known} == led | own & {key.lower() for key in known}
+        assert not led & own
