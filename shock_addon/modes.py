@@ -221,6 +221,10 @@ class Mode(Row):
         Those that are not offered any more; scripts that name them get them.
     within : str
         Key of the mode whose settings it uses; it then has no presets of its own.
+    job : str
+        Key of its button in the panel's first row. Default: that of its data.
+    part : str
+        What the second row calls it. Default: the label.
     """
 
     key: str
@@ -242,6 +246,8 @@ class Mode(Row):
     presets: tuple[Preset, ...] = ()
     former: tuple[Preset, ...] = ()
     within: str = ""
+    job: str = ""
+    part: str = ""
 
     def target(self, parameters: Any) -> Target:
         """Return the target that the parameters of the panel or the operator choose."""
@@ -361,6 +367,7 @@ MODES: list[Mode] = [
             ),
         ),
         former=(Preset("As in the Paper", "", {"method": "beltrami"}),),
+        job="DENOISE",
     ),
     Mode(
         "denoise_image",
@@ -371,6 +378,8 @@ MODES: list[Mode] = [
         (Target("beltrami_image"),),
         "Denoised",
         "denoising",
+        job="DENOISE",
+        part="Image",
         second="beta",
         about_in_images="Remove noise; edges stay",
         announced="Will denoise: {}",
@@ -394,6 +403,8 @@ MODES: list[Mode] = [
         (Target("beltrami_texture"),),
         "Denoised",
         "denoising",
+        job="DENOISE",
+        part="Texture",
         second="beta",
         about_in_images="Remove noise on the surface of the selected objects that show it, across"
         " seams",
@@ -524,6 +535,7 @@ MODES: list[Mode] = [
         (Target("sharpen_texture", dials=("amount", "width")),),
         "Sharpened",
         "textures",
+        part="Sharpen",
         announced="Will sharpen: {}",
         advice="for wider edges raise Width",
         about_in_images="Sharpen it on the surface of the selected objects that show it, across"
@@ -808,10 +820,6 @@ class Job(Row):
     ----------
     key, label, about : str
         For the choice.
-    modes : tuple of str
-        Their keys, the first one for the first click.
-    parts : tuple of str
-        What the second row calls these; empty for other words.
     does : str
         What stands in place of a second row where there is one mode only.
     """
@@ -819,8 +827,6 @@ class Job(Row):
     key: str
     label: str
     about: str
-    modes: tuple[str, ...]
-    parts: tuple[str, ...] = ()
     does: str = ""
 
 
@@ -828,8 +834,6 @@ _TEXTURE = Job(
     "TEXTURE",
     "Texture",
     "Work on an image on the surface that shows it, across seams",
-    ("texture", "detail", "stitch", "dilate"),
-    ("Sharpen", "Detail", "Stitch", "Dilate"),
 )
 
 JOBS = {
@@ -838,20 +842,17 @@ JOBS = {
             "GEOMETRY",
             "Geometry",
             "Move vertices so that rounded creases become sharp",
-            ("geometry",),
             does="Rounded creases become sharp.",
         ),
         Job(
             "DENOISE",
             "Denoise",
             "Remove noise from a mesh, its colors or its texture; creases and edges stay",
-            ("denoise", "denoise_texture"),
         ),
         Job(
             "COLORS",
             "Colors",
             "Move the colors on the surface so that blurred edges in them become sharp",
-            ("colors",),
             does="Blurred edges become sharp.",
         ),
         _TEXTURE,
@@ -861,15 +862,12 @@ JOBS = {
             "IMAGE",
             "Image",
             "Sharpen it as a flat picture",
-            ("image",),
             does="Blurred edges become sharp.",
         ),
         Job(
             "DENOISE",
             "Denoise",
             "Remove noise from the image, flat or on the surface that shows it; edges stay",
-            ("denoise_image", "denoise_texture"),
-            ("Image", "Texture"),
         ),
         _TEXTURE,
     ),
@@ -880,9 +878,25 @@ The modes of no job have panels of their own.
 """
 
 
+_JOB_OF_DATA = {"textures": "TEXTURE", "images": "IMAGE"}
+
+
 def job_of(choice: str, mode: Mode) -> Job | None:
     """Return the button that leads to a mode; None if the mode has a panel of its own."""
-    return next((job for job in JOBS[choice] if mode.key in job.modes), None)
+    key = mode.job or _JOB_OF_DATA.get(mode.data.handled_as, "")
+    if not key and mode.data.handled_as == "meshes":
+        key = "GEOMETRY" if mode.data.moves else "COLORS"
+    return next((job for job in JOBS[choice] if job.key == key), None)
+
+
+def modes_of(choice: str, job: Job) -> list[Mode]:
+    """List the modes to which a button of the first row leads, the first one by a click."""
+    return [
+        mode
+        for mode in MODES
+        if job_of(choice, mode) is job
+        if (mode.data.on_surface if choice == "mode" else mode.data.in_images)
+    ]
 
 
 def find(key: str) -> Mode:

@@ -13,7 +13,7 @@ import bpy
 from ...core.registry import WAYS, Filter, find
 from ...core.settings import Setting, describe, named
 from ..data import PICTURES
-from ..modes import JOBS, MODES, STEADY_STATE, Mode, choices, job_of
+from ..modes import JOBS, MODES, STEADY_STATE, Mode, choices, job_of, modes_of
 from ..modes import find as mode_of
 from . import choosing
 
@@ -599,7 +599,7 @@ def _job(choice: str) -> Any:
         return jobs.index(job_of(choice, choosing.mode(bpy.context, choice)))
 
     def set_(group: Any, number: int) -> None:
-        setattr(group, choice, jobs[number].modes[0].upper())
+        setattr(group, choice, modes_of(choice, jobs[number])[0].key.upper())
 
     return bpy.props.EnumProperty(
         name="Job",

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from .. import data
 from ..data.skipped import Skipped
 from ..flow import showing as flow_shown
-from ..modes import JOBS, Mode, job_of
+from ..modes import JOBS, Job, Mode, job_of, modes_of
 from ..operators import base as operators
 from ..operators import comparing, drawing, linking, statistics
 from ..operators import poll as obstacles
@@ -164,26 +164,30 @@ def _draw_job(
     """Draw the first row, and the second one: all jobs need the same space for it."""
     kept = context.scene.shock_filter
     _draw_choices(layout, context, kept, panel.job)
-    job = job_of(panel.choice, mode)
-    noisy = [item.name for item in kept.bl_rna.properties["noisy"].enum_items]
-    parts = {each.key: list(each.parts) or noisy for each in JOBS[panel.choice] if not each.does}
-    needed = max(_rows(context, words) for words in parts.values())
-    column = layout.column(align=True)
-    if job.does:
+    needed = max(
+        _rows(context, [word for _, _, word in _parts(kept, panel.choice, job)])
+        for job in JOBS[panel.choice]
+    )
+    column, job = layout.column(align=True), job_of(panel.choice, mode)
+    parts = _parts(kept, panel.choice, job)
+    if parts:
+        used = _draw_parts(column, context, kept, parts)
+    else:
         column.label(text=job.does)
         used = 1
-    elif job.parts:
-        names = [
-            (panel.choice, key.upper(), word)
-            for key, word in zip(job.modes, job.parts, strict=True)
-        ]
-        used = _draw_parts(column, context, kept, names)
-    else:
-        items = kept.bl_rna.properties["noisy"].enum_items
-        names = [("noisy", item.identifier, item.name) for item in items]
-        used = _draw_parts(column, context, kept, names)
     for _ in range(needed - used):
         column.label(text="")
+
+
+def _parts(kept: bpy.types.PropertyGroup, choice: str, job: Job) -> list[tuple[str, str, str]]:
+    """List what the second row offers, as `_draw_parts` takes it; nothing for one mode."""
+    modes = modes_of(choice, job)
+    if choice == "mode" and job.key == "DENOISE":  # one choice for modes and targets
+        items = kept.bl_rna.properties["noisy"].enum_items
+        return [("noisy", item.identifier, item.name) for item in items]
+    if len(modes) == 1:
+        return []
+    return [(choice, mode.key.upper(), mode.part or mode.label) for mode in modes]
 
 
 def _draw_parts(
@@ -265,9 +269,8 @@ def _draw_choices(
 def _rows(context: bpy.types.Context, words: list[str], of: str = "*") -> int:
     """Return in how many rows of equal buttons words fit."""
     said = [iface_(word, of) for word in words]
-    return next(
-        (n for n in range(1, len(said)) if fit(context, said, -(-len(said) // n))), len(said)
-    )
+    every = range(1, len(said))
+    return next((n for n in every if fit(context, said, -(-len(said) // n))), max(len(said), 1))
 
 
 def _draw_buttons(

@@ -553,7 +553,7 @@ def test_the_output_is_asked_for_unless_colors_are_denoised():
     scene.shock_filter.mode = "DENOISE"
     for target, seen in (("geometry", True), ("colors", False), ("both", True)):
         scene.shock_filter.denoise.target = target
-        assert bpy.types.SHOCK_FILTER_PT_output.poll(SimpleNamespace(scene=scene)) is seen
+        assert bpy.types.SHOCK_FILTER_PT_output.poll(bpy.context) is seen
 
 
 def test_the_mode_stands_first_and_geometry_is_the_default():

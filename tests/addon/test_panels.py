@@ -9,7 +9,7 @@ import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import showing as flow_shown
-from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find
+from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find, modes_of
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import keeping, linking, statistics
 from shock_filter.shock_addon.running import jobs, kernels, preparing
@@ -777,9 +777,10 @@ def test_a_click_in_the_first_row_leads_to_its_first_mode(rounded_box):
     for choice, name in (("mode", "job"), ("image_mode", "image_job")):
         for job in JOBS[choice]:
             setattr(scene, name, job.key)
-            assert getattr(scene, choice) == job.modes[0].upper()
-            for mode in job.modes:
-                setattr(scene, choice, mode.upper())
+            modes = modes_of(choice, job)
+            assert getattr(scene, choice) == modes[0].key.upper()
+            for mode in modes:
+                setattr(scene, choice, mode.key.upper())
                 assert getattr(scene, name) == job.key
 
 
@@ -964,3 +965,12 @@ def test_keep_puts_lengths_into_the_field_as_the_report_gives_them(rounded_box):
     rounded_box(location=(4, 0, 0))
     with pytest.raises(RuntimeError, match="run it first"):
         bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")
+
+
+def test_every_mode_has_a_button_or_a_panel_of_its_own():
+    own = {panel.own for panel in panels.CLASSES if getattr(panel, "own", "")}
+    for choice in JOBS:
+        led = {mode.key for job in JOBS[choice] for mode in modes_of(choice, job)}
+        known = bpy.context.scene.shock_filter.bl_rna.properties[choice].enum_items.keys()
+        assert {key.lower() for key in known} == led | own & {key.lower() for key in known}
+        assert not led & own

@@ -18,7 +18,7 @@ def test_scenario_ran_to_its_end(report):
 @pytest.mark.parametrize("mode", ["geometry", "colors"])
 def test_flow_is_drawn_and_hidden_again(report, mode):
     seen = report[f"flow_{mode}"]
-    assert seen["buttons"] == (6 if mode == "geometry" else 3)
+    assert seen["buttons"] == (5 if mode == "geometry" else 2)
     assert seen["attributes"] == []
     assert seen["shown"] == ["Monkey", None, "Monkey"]
     shown, hidden, shown_again = seen["pixels"]

@@ -158,8 +158,9 @@ def texts_of_errors():
 
 def texts_of_modes():
     for job in (job for jobs in JOBS.values() for job in jobs):
-        yield from (job.label, job.about, job.does, *job.parts)
+        yield from (job.label, job.about, job.does)
     for mode in MODES:
+        yield mode.part
         yield from (mode.title, mode.done, mode.advice, mode.nothing, mode.changes, mode.announced)
         if mode.follows is not None:
             yield from (f"{mode.title}, then Sharpen", f"{mode.done} and sharpened")
