@@ -21,9 +21,6 @@ from ..operators.properties import label, settings_of
 from ..running import kernels
 from ..running.jobs import Job
 
-_AUTO_AT_0 = {"width": 4.0, "widest_fillet": 2.0}
-"""Settings of which 0 is measured, and where the wheel begins then."""
-
 _WIDTHS = 5
 """Number of times that the mouse can halve the useful range of widths."""
 
@@ -33,7 +30,7 @@ _PATIENCE = 0.5
 
 def parameters_of(scene: bpy.types.Scene, mode: Mode) -> SimpleNamespace:
     """Copy the panel's settings."""
-    settings = getattr(scene.shock_filter, mode.key)
+    settings = getattr(scene.shock_filter, mode.group)
     return SimpleNamespace(**{name: getattr(settings, name) for name in mode.names})
 
 
@@ -126,8 +123,8 @@ class Preview:
         value = getattr(self.parameters, name)
         if value < 0:  # begins where the measurement is
             value = self._measured
-        elif value == 0:
-            value = _AUTO_AT_0.get(name.removeprefix(self._prefix), value)
+        elif value == about.auto:
+            value = about.usual
         new = turned(value, kind, about, clicks)
         setattr(self.parameters, name, max(new, 0.0) if about.minimum < 0 else new)
 
@@ -158,10 +155,10 @@ class Preview:
         value = getattr(self.parameters, name)
         if name == self._time and getattr(self.parameters, STEADY_STATE, False):
             return iface_("Steady State")
-        if value == 0 and name.removeprefix(self._prefix) in _AUTO_AT_0:
-            return iface_("Auto")
         if value < 0 and name == self.second:
             return f"{self._measured:.4g}"
+        if value == self._about[name][2].auto:
+            return iface_("Auto")
         return f"{value:g}"
 
     def tick(self) -> None:
