@@ -250,18 +250,19 @@ def different(one: np.ndarray, other: np.ndarray) -> int:
     return int((np.abs(one.astype(int) - other).max(axis=2) > 24).sum())
 
 
-def mark(kind: str, marked: bool) -> Steps:
+def mark(kind: str, marked: bool, names: tuple[str, ...] = ("inner",)) -> Steps:
     """Give a kind of widget, as themes call it, a color that nothing else has, or take it back."""
     widgets = getattr(bpy.context.preferences.themes[0].user_interface, f"wcol_{kind}")
-    if marked:
-        _true_colors[kind] = tuple(widgets.inner)
-        widgets.inner = MARK
-    else:
-        widgets.inner = _true_colors.pop(kind)
+    for name in names:
+        if marked:
+            _true_colors[kind, name] = tuple(getattr(widgets, name))
+            setattr(widgets, name, MARK)
+        else:
+            setattr(widgets, name, _true_colors.pop((kind, name)))
     yield DRAWN
 
 
-_true_colors: dict[str, tuple[float, ...]] = {}
+_true_colors: dict[tuple[str, str], tuple[float, ...]] = {}
 
 
 def marked(place: Any) -> list[Rectangle]:
@@ -281,6 +282,15 @@ def buttons(kind: str = "VIEW_3D") -> Iterator[float]:
     yield from mark("tool", True)
     found = marked(region(kind, "UI"))
     yield from mark("tool", False)
+    return found
+
+
+def widgets(name: str, kind: str = "VIEW_3D") -> Iterator[float]:
+    """Find the tab's widgets of a kind, chosen ones too; the generator returns their rectangles."""
+    yield from park(kind)
+    yield from mark(name, True, ("inner", "inner_sel"))
+    found = marked(region(kind, "UI"))
+    yield from mark(name, False, ("inner", "inner_sel"))
     return found
 
 
