@@ -21,7 +21,7 @@ from ..flow.advect import average_corners, read_points
 from ..flow.potential import squared_gradient
 from ..flow.trace import corner_offsets, trace
 from ..grid.part import Part
-from ..mesh.calculus import lumped_mass
+from ..mesh.calculus import lumped_mass, smooth_vertices
 from ..mesh.cell_means import CellMeans
 from ..mesh.spreading import squared_units, vertex_graph
 from ..mesh.triangle_mesh import TriangleMesh
@@ -36,6 +36,9 @@ _ROW = 64
 
 _PASS = 0.2977
 """Variance of an umbrella pass on the flow of images, along each axis."""
+
+_NEAR = 3.24
+"""Variance of the mean of how uneven the mesh is nearby."""
 
 _LEAST, _MOST = 1 / 4096, 4096.0
 """Bounds on the fourth power of a unit, by which a vertex's time to flow is multiplied."""
@@ -63,7 +66,7 @@ class Vertices:
         with aside(_MESSAGE):
             self.units = squared_units(mesh)
             self.masses = lumped_mass(mesh)
-            self.graph, self._weights = vertex_graph(mesh, self.masses / self.units)
+            self.graph, self._weights = vertex_graph(mesh, self.masses, self.units)
             self.windows = windows_of(mesh, self.units)
             self.trust = np.empty(mesh.face_count)
             run(_trust, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, self.trust)
@@ -79,6 +82,15 @@ class Vertices:
         """Means over wide surroundings."""
         with aside(_MESSAGE):
             return CellMeans(self.mesh, self.units, self._weights, self.masses, _MESSAGE)
+
+    @cached_property
+    def unevenness(self) -> Singles:
+        """How far a smoothing pass moves vertices nearby, in units: (n, 1), 0 on an even mesh."""
+        places = self.mesh.scaled_vertices
+        with aside(_MESSAGE):
+            moves = smooth_vertices(self.mesh, places, 1) - places
+        squares = (moves**2).sum(axis=1, keepdims=True) / self.units[:, None]
+        return np.sqrt(np.maximum(self.spread(squares.astype(np.float32), _NEAR), 0))
 
     @cached_property
     def inside(self) -> npt.NDArray[np.bool_]:
@@ -125,6 +137,14 @@ class VertexPlanes(WholePlanes):
     def columns(self, start: int, stop: int) -> npt.NDArray[np.bool_]:
         """Which places of some rows, one row after the other, hold vertices."""
         return self.vertices.inside[start * _ROW : stop * _ROW]
+
+    def told(self, start: int, stop: int) -> Singles:
+        """What networks are told of some rows beside: how uneven the mesh is."""
+        return self._told[:, start:stop]
+
+    @cached_property
+    def _told(self) -> Singles:
+        return self.vertices.planes_of(self.vertices.unevenness)
 
     def surroundings(self) -> _Means:
         """Return what finds means over wide surroundings."""

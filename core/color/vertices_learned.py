@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from functools import cache
+from pathlib import Path
+
 import numpy as np
 
 from ..base.progress import aside, phase
@@ -10,17 +13,30 @@ from ..flow.borders import measured
 from ..grid.borders import Borders
 from ..grid.channels import brightness_weights
 from ..mesh.triangle_mesh import Floats, TriangleMesh
-from ..mixture.network import Network
+from ..mixture.network import Network, digest, load
 from ..settings import WIDTH_OF_SIGMA, ShockSettings
 from .learned.first import SIGMAS
 from .learned.images import detail_of, typical_detail
-from .learned.recipe import FAINT, Wishes, sharpened
+from .learned.recipe import DEFINITION as DEFINITION_OF_IMAGES
+from .learned.recipe import FAINT, STAGES, Wishes, sharpened
 from .learned.report import tell_learned
 from .learned.surroundings import WIDEST
 from .vertex_planes import VertexPlanes, Vertices
 
+WEIGHTS = Path(__file__).with_name("learned") / "vertices.npz"
+
+DEFINITION = digest("vertices 1", DEFINITION_OF_IMAGES)
+"""As of images; the networks are also told how uneven the mesh is."""
+
 _ROUNDING = 16 * float(np.finfo(np.float32).eps)
 """Relative changes, of the signal's range, that count as none."""
+
+
+@cache
+def networks() -> list[Network]:
+    """The networks that give differences their shares, one for each stage."""
+    found = load(WEIGHTS, DEFINITION)
+    return [found[name] for name in STAGES]
 
 
 def is_learned(settings: ShockSettings) -> bool:
@@ -45,8 +61,9 @@ def sharpen_vertices_learned(
     values : (n, c) float64
     settings : ShockSettings
     nets : list of Network, optional
-        One for each stage; those of images by default.
+        One for each stage; those that are shipped by default.
     """
+    nets = networks() if nets is None else nets
     low, high = values.min(axis=0), values.max(axis=0)
     middle, span = _middle_and_span(values)
     if not span > 0:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..base.progress import phase
+from ..base.vectors import dot, edge
 from .calculus import cotangents, stiffness_weights
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -114,22 +115,26 @@ def squared_units(mesh: TriangleMesh) -> Floats:
     return values
 
 
-def vertex_graph(mesh: TriangleMesh, masses: Floats) -> tuple[Graph, Floats]:
+def vertex_graph(mesh: TriangleMesh, areas: Floats, units: Floats) -> tuple[Graph, Floats]:
     """Return the graph of the vertices, and the weights of ``mesh.neighbours``.
 
-    Cotangents below 0 count as 0, so that what spreads stays between what there was.
+    Cotangents below 0 count as 0, so that what spreads stays between what there was. No edge
+    spreads heat by itself as far as all edges of a vertex do together on an even mesh: the weights
+    of needles would carry it from one of their ends to the other.
 
     Parameters
     ----------
     mesh : TriangleMesh
-    masses : (n,) float64
-        Areas of the vertices, in their own units.
+    areas : (n,) float64
+        Of the vertices, in squared mean edge lengths.
+    units : (n,) float64
+        Squared units of length, as from `squared_units`.
     """
     start, others, weights, _ = stiffness_weights(
         mesh, cotangents(mesh), np.zeros(mesh.vertex_count)
     )
-    np.maximum(weights, 0.0, out=weights)
-    return graph_of(start, others, weights, masses), weights
+    run(_limit, mesh.vertex_count, mesh.scaled_vertices, start, others, areas, weights)
+    return graph_of(start, others, weights, areas / units), weights
 
 
 @kernel
@@ -149,6 +154,16 @@ def _area_of_corners(start, stop, faces, areas, values, out):
         out[f] = 0.0
         if areas[f] > 0:
             out[f] = (values[faces[f, 0]] + values[faces[f, 1]] + values[faces[f, 2]]) / 3.0
+
+
+@kernel
+def _limit(start, stop, vertices, ring_start, ring, areas, weights):
+    # A rate times the squared length is the variance per time; on even meshes these add up to 4.
+    for v in range(start, stop):
+        for i in range(ring_start[v], ring_start[v + 1]):
+            e = edge(vertices, v, ring[i])
+            most = 4.0 * min(areas[v], areas[ring[i]]) / max(dot(e, e), 1e-300)
+            weights[i] = min(max(weights[i], 0.0), most)
 
 
 @kernel

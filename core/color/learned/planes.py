@@ -98,6 +98,10 @@ class Planes:
         """Which pixels of some rows, one row after the other, are to be computed."""
         return slice(None)
 
+    def told(self, start: int, stop: int) -> Singles:
+        """What networks are told of some rows beside what the stages tell: (k, rows, w)."""
+        return np.empty((0, stop - start, self.values.shape[2]), np.float32)
+
     def surroundings(self) -> Surroundings:
         """Return what finds means over wide surroundings."""
         return Squares(*self.values.shape[1:])

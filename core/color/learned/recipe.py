@@ -143,6 +143,8 @@ def mixed(
         for y in range(start, stop, rows):
             end = min(y + rows, stop)
             differences, told = strip.rows(y, end)
+            if len(more := stage.planes.told(y, end)):
+                told = np.concatenate([told, more])
             told, chosen = told.reshape(len(told), -1), stage.planes.columns(y, end)
             shares = np.zeros((stage.differences, told.shape[1]), np.float32)
             shares[:, chosen] = network.of_columns(np.ascontiguousarray(told[:, chosen]))

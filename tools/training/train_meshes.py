@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Train the networks that sharpen vertex colors: those of images learn on, on meshes.
+
+``python tools/training/train_meshes.py`` makes pictures and meshes from seeds, and writes
+``core/color/learned/vertices.npz``. It needs what `train_images` needs, and scikit-image. Made
+pictures stay in the folder, so that a run that was stopped goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import adam
+import numpy as np
+from mesh_pictures import example
+from scripts import meaning_of
+from shock_filter import core
+from shock_filter.core.color.learned.first import First
+from shock_filter.core.color.learned.recipe import (
+    FAINT,
+    STAGES,
+    Wishes,
+    mixed,
+    networks,
+    second_of,
+)
+from shock_filter.core.color.vertex_planes import VertexPlanes, Vertices
+from shock_filter.core.color.vertices_learned import DEFINITION as DEFINITION_OF_VERTICES
+from shock_filter.core.color.vertices_learned import WEIGHTS, detail_at
+from shock_filter.core.mixture.network import Network, save
+from train_images import ANYWHERE, KEPT_ASIDE, PIXELS, PictureLoss, gains, gathered, joined
+
+HERE = Path(__file__).resolve().parent
+
+MADE_OF = "adam.py", "image_examples.py", "mesh_pictures.py", "train_images.py", "train_meshes.py"
+"""The scripts that the networks come from, beside the networks of images."""
+
+VERSION = 1
+"""Counts the trainings that were shipped."""
+
+FIRST_SEED, COUNT = 50000, 800
+
+EPOCHS, RATE = 10, 1e-3
+
+NONE = np.empty(0, np.float32)
+
+BESIDE = 1
+"""Numbers that networks of meshes are told beside those of images."""
+
+
+def made(seed: int, folder: Path) -> Path:
+    """Make a mesh with values and spoiled copies, unless they are in the folder already."""
+    path = folder / f"mesh_{seed}.npz"
+    if not path.exists():
+        vertices, faces, truth, spoiled = example(seed)
+        part = path.with_suffix(".part")
+        with part.open("wb") as file:
+            np.savez(file, vertices=vertices, faces=faces, truth=truth,
+                     given=[values for values, _ in spoiled],
+                     same=[same for _, same in spoiled])  # fmt: skip
+        part.rename(path)
+    return path
+
+
+def table(path: Path, nets: list[Network]) -> list[dict[str, np.ndarray]]:
+    """What the next network learns from a mesh, after those that are trained."""
+    seed = int(path.stem.rpartition("_")[2])
+    random = np.random.default_rng([seed, len(nets)])
+    with np.load(path) as data:
+        vertices = Vertices(core.TriangleMesh(data["vertices"], data["faces"]))
+        truth = vertices.planes_of(data["truth"])
+        pairs = list(zip(data["given"], data["same"], strict=True))
+    even = float(np.median(vertices.unevenness)) < 0.01
+    found = []
+    for values, same in pairs:
+        planes = VertexPlanes.of_vertices(vertices, values)
+        wishes = Wishes(FAINT * detail_at(planes))
+        stage = first = First(planes, wishes.floor)
+        if nets:
+            result, shares = mixed(first, nets[0])
+            stage = second_of(first, planes.with_values(result), shares, NONE, wishes)
+        error = float(((truth - planes.values) ** 2).sum() / truth[0].size / 3)
+        error *= truth[0].size / vertices.mesh.vertex_count
+        found.append({
+            **rows_of(stage, truth, random), "error": np.array([error]),
+            "same": np.array([same]), "even": np.array([even]), "aside": np.array([seed % KEPT_ASIDE == 0]),
+        })  # fmt: skip
+    return found
+
+
+def rows_of(stage, truth: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
+    """What is learned from some vertices, as `train_images.pixels_of`."""
+    c, height, _ = stage.base.shape
+    count = stage.planes.vertices.mesh.vertex_count
+    strip = stage.strip(0, height)
+    differences, told = strip.rows(0, height)
+    differences = differences.reshape(len(differences), c, -1)[..., :count]
+    told = told.reshape(len(told), -1)[:, :count]
+    more = stage.planes.told(0, height)
+    told = np.concatenate([told, more.reshape(len(more), -1)[:, :count]])
+    _, low, high = strip.limits
+    missing, low, high = (
+        (wanted - stage.base).reshape(c, -1)[:, :count] for wanted in (truth, low, high)
+    )  # fmt: skip
+    energy = (differences**2).sum((0, 1), dtype=np.float64) + (missing**2).sum(0)
+    share = np.full(count, 1 / count)
+    if energy.sum() > 0:
+        share = ANYWHERE * share + (1 - ANYWHERE) * energy / energy.sum()
+    rows = random.choice(count, PIXELS, p=share / share.sum())
+    return {
+        "told": told[:, rows].T, "differences": differences[:, :, rows].transpose(2, 0, 1),
+        "missing": missing[:, rows].T, "low": low[:, rows].T, "high": high[:, rows].T,
+        "weights": (1 / (share[rows] * count)).astype(np.float32),
+    }  # fmt: skip
+
+
+def tuned(network: Network, told: np.ndarray, back, epochs: int, seed: int, log) -> Network:
+    """Let a network learn on, as in `adam`, at a lower rate."""
+    random = np.random.default_rng(seed)
+    layers = [[w.copy(), b.copy()] for w, b in zip(network.weights, network.shifts, strict=True)]
+    spread = (told.std(0) + 1e-2).astype(np.float32)
+    means = [[np.zeros_like(p) for p in layer] for layer in layers]
+    squares = [[np.zeros_like(p) for p in layer] for layer in layers]
+    step, total = 0, epochs * (len(told) // adam.BATCH)
+    for epoch in range(epochs):
+        order, loss = random.permutation(len(told)), 0.0
+        for i in range(0, len(told) - adam.BATCH + 1, adam.BATCH):
+            rows = order[i : i + adam.BATCH]
+            found, slopes = adam._slopes(layers, told[rows], lambda y, rows=rows: back(y, rows))
+            loss += found
+            step += 1
+            rate = adam.LAST_RATE + RATE * 0.5 * (1 + np.cos(np.pi * step / total))
+            rate *= min(step / adam.WARM_UP, 1.0)
+            for n, layer in enumerate(layers):
+                for j, slope in enumerate(slopes[n]):
+                    factor = 1 / spread[:, None] if n == j == 0 else np.float32(1)
+                    slope = slope * factor
+                    m, s = means[n][j], squares[n][j]
+                    m += (1 - adam.FADES[0]) * (slope - m)
+                    s += (1 - adam.FADES[1]) * (slope * slope - s)
+                    change = (m / (1 - adam.FADES[0] ** step)) / (
+                        np.sqrt(s / (1 - adam.FADES[1] ** step)) + 1e-8
+                    )
+                    layer[j] -= (rate * change * factor).astype(np.float32)
+        log(f"epoch {epoch}: {loss / max(len(told) // adam.BATCH * adam.BATCH, 1):.5f}")
+    return Network(
+        tuple(w.astype(np.float16).astype(np.float32) for w, _ in layers),
+        tuple(b for _, b in layers),
+    )
+
+
+def begun(network: Network) -> Network:
+    """Give a network of images inputs for what meshes tell beside, which count nothing yet."""
+    first = np.pad(network.weights[0], ((0, BESIDE), (0, 0)))
+    return replace(network, weights=(first, *network.weights[1:]))
+
+
+def train(paths: list[Path], processes: int, log=print) -> dict[str, Network]:
+    """Let the networks learn on, and say how much meshes gain that are kept aside."""
+    found: list[Network] = []
+    facts = {"definition": DEFINITION_OF_VERTICES, "made_of": made_of(), "version": VERSION}
+    for stage, start in enumerate(map(begun, networks())):
+        tables = gathered(partial(table, nets=found), paths, processes)
+        each = [part for parts in tables for part in parts]
+        learned, aside = (
+            joined([part for part in each if part["aside"][0] == kept]) for kept in (False, True)
+        )
+        del tables, each
+        log(f"{STAGES[stage]}: {learned['told'].shape} rows")
+        network = tuned(start, learned["told"], PictureLoss(learned), EPOCHS, stage, log)
+        for which, net in (("of images", start), ("learned on", network)):
+            gain, same, even = gains(net, aside), aside["same"], aside["even"]
+            log(
+                f"{which}: mean gain {gain[~same].mean():.3f} dB, on even meshes"
+                f" {gain[~same & even].mean():.3f}, of sharp ones {gain[same].mean():.3f};"
+                f" worse by .1: {(gain < -0.1).mean():.3f}, by .5: {(gain < -0.5).mean():.3f}"
+            )
+        found.append(replace(network, **facts))
+    return dict(zip(STAGES, found, strict=True))
+
+
+def made_of() -> str:
+    """Digest of the scripts that the networks come from."""
+    return meaning_of(HERE / name for name in MADE_OF)
+
+
+def main() -> None:
+    """Make pictures on meshes, learn, write."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--folder", type=Path, default=HERE / ".made", help="for made pictures")
+    parser.add_argument("--out", type=Path, default=WEIGHTS)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--share", type=float, default=1.0, help="of all that is made, to try out")
+    options = parser.parse_args()
+    begin = time.time()
+    log = lambda text: print(f"{time.time() - begin:6.0f} s  {text}", flush=True)  # noqa: E731
+    options.folder.mkdir(parents=True, exist_ok=True)
+    count = max(int(options.share * COUNT), 1)
+    seeds = range(FIRST_SEED, FIRST_SEED + count)
+    paths = gathered(partial(made, folder=options.folder), list(seeds), options.processes)
+    log(f"{len(paths)} pictures")
+    save(options.out, train(paths, options.processes, log=log))
+    log(f"written: {options.out}")
+
+
+if __name__ == "__main__":
+    main()
