@@ -14,8 +14,10 @@ from harness import (
     area,
     buttons,
     click,
+    click_header,
     colors,
     finished,
+    open_own_panel,
     open_tab,
     park,
     picture,
@@ -90,7 +92,9 @@ def in_row(row: int, kind: str) -> Iterator[float]:
     return rows[row]
 
 
-def changed_mesh(seen: dict, name: str, read: Callable[[str], str], *rows: tuple[int, int]) -> Steps:
+def changed_mesh(
+    seen: dict, name: str, read: Callable[[str], str], *rows: tuple[int, int]
+) -> Steps:
     """Do a job that changes a mesh."""
     before = read(name)
     yield from work(seen, "VIEW_3D", *rows)
@@ -178,37 +182,22 @@ def uneven_charts(seen: dict) -> Steps:
 
 
 def edges(seen: dict) -> Steps:
-    """Make a mask along marked edges."""
+    """Make a mask that rises from the lowest point."""
     add_textured()
-    mesh = bpy.data.objects["Coated"].data
-    for edge in mesh.edges:
-        edge.use_edge_sharp = abs(mesh.vertices[edge.vertices[0]].co.z) < 0.02
     before = set(bpy.data.images.keys())
     yield from open_tab()
     seen["editor"] = "VIEW_3D"
-    yield from clicked(seen, (yield from headers())[0])
+    seen["clicks"] += 2  # one closes the first panel, below which this one lies
+    yield from open_own_panel(-2)
     places = yield from buttons()
-    yield from clicked(seen, sorted(places, key=lambda place: place[1] - place[3])[1])
+    yield from clicked(seen, tallest(places))
     yield from park()
     yield from finished()
     seen["summaries"] = dict(addon("operators.base").summaries)
     seen["made"] = {
         name: list(bpy.data.images[name].size) for name in set(bpy.data.images.keys()) - before
     }
-
-
-def headers() -> Iterator[float]:
-    """Find the panels with headers of their own below the first one, which is open."""
-    colors = bpy.context.preferences.themes[0].view_3d.space.panelcolors
-    true = tuple(colors.header)
-    colors.header = (1.0, 0.0, 1.0, 1.0)
-    yield DRAWN
-    from harness import marked, region
-
-    found = marked(region("VIEW_3D", "UI"))
-    colors.header = true
-    yield DRAWN
-    return found[1:]
+    yield from click_header(0)
 
 
 def logo(seen: dict) -> Steps:
@@ -227,7 +216,10 @@ def small_drawing(seen: dict) -> Steps:
     """Enlarge a small drawing three times."""
     y, x = np.mgrid[:96, :96]
     values = np.ones((96, 96, 4), np.float32)
-    for center, radius, color in (((30, 40), 20.5, (0.9, 0.2, 0.1)), ((60, 55), 24.3, (0.1, 0.3, 0.8))):
+    for center, radius, color in (
+        ((30, 40), 20.5, (0.9, 0.2, 0.1)),
+        ((60, 55), 24.3, (0.1, 0.3, 0.8)),
+    ):
         inside = np.clip(radius - np.hypot(x - center[0], y - center[1]) + 0.5, 0, 1)[..., None]
         values[..., :3] += inside * (np.array(color) - values[..., :3])
     show(scene._as_image("Drawing", values))
