@@ -327,8 +327,8 @@ _BY_PIXELS = (
     " which of these the picture is"
 )
 _BY_VERTICES = (
-    "For photographed colors: decide vertex by vertex, as was learned from made pictures. Detail"
-    " and borders come out sharper and noise goes, but wide borders of painted areas stay softer"
+    "Decide vertex by vertex, as was learned from made pictures: detail and borders come out"
+    " sharper, and noise goes"
 )
 
 
@@ -360,7 +360,7 @@ class ShockSettings(_Settings):
     of the paper, which is the same everywhere. Its default, `BY_WIDTH`, is negative.
     """
 
-    what: str = _what("drawing", auto=_BY_VERTICES)
+    what: str = _what("auto", auto=_BY_VERTICES)
     width: float = _setting(
         0.0,
         "The widest borders that are closed, as wide as their contrast rises from 10 to 90"

@@ -28,6 +28,10 @@ FASTEST = 12.0
 """The most heat per time that a vertex exchanges: 3 times as much as on a grid of squares. Needles
 would need many more steps; their edges conduct less."""
 
+MOST_SPREAD = 8.0
+"""The most variance per time by one edge: its rate times its squared length. All edges of a vertex
+come to 4 together where a mesh is even, and one of them to 4 or 5 at most where it is uneven."""
+
 _PLAIN = 4
 """Up to so many plain steps are taken."""
 
@@ -118,9 +122,9 @@ def squared_units(mesh: TriangleMesh) -> Floats:
 def vertex_graph(mesh: TriangleMesh, areas: Floats, units: Floats) -> tuple[Graph, Floats]:
     """Return the graph of the vertices, and the weights of ``mesh.neighbours``.
 
-    Cotangents below 0 count as 0, so that what spreads stays between what there was. No edge
-    spreads heat by itself as far as all edges of a vertex do together on an even mesh: the weights
-    of needles would carry it from one of their ends to the other.
+    Cotangents below 0 count as 0, so that what spreads stays between what there was. Weights are
+    limited by the squared length of the edge: those of needles would carry heat from one of their
+    ends to the other.
 
     Parameters
     ----------
@@ -158,11 +162,10 @@ def _area_of_corners(start, stop, faces, areas, values, out):
 
 @kernel
 def _limit(start, stop, vertices, ring_start, ring, areas, weights):
-    # A rate times the squared length is the variance per time; on even meshes these add up to 4.
     for v in range(start, stop):
         for i in range(ring_start[v], ring_start[v + 1]):
             e = edge(vertices, v, ring[i])
-            most = 4.0 * min(areas[v], areas[ring[i]]) / max(dot(e, e), 1e-300)
+            most = MOST_SPREAD * min(areas[v], areas[ring[i]]) / max(dot(e, e), 1e-300)
             weights[i] = min(max(weights[i], 0.0), most)
 
 

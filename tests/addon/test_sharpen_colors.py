@@ -67,7 +67,7 @@ def test_a_blend_becomes_an_edge_within_its_range(painted_sheet, kind, domain):
 def test_a_run_says_how_wide_borders_were_and_are(painted_sheet, kind, domain):
     sheet = painted_sheet(kind, domain)
     blur = steepness(sheet)
-    assert sharpen() == {"FINISHED"}
+    assert sharpen(what="drawing") == {"FINISHED"}
     assert steepness(sheet) < 0.5 * blur
     said = operators.summaries["colors"]
     before, after = re.search(
@@ -75,12 +75,23 @@ def test_a_run_says_how_wide_borders_were_and_are(painted_sheet, kind, domain):
     ).groups()
     assert float(before) > 2 * float(after)
     once = read(sheet)
-    assert sharpen() == {"FINISHED"}
+    assert sharpen(what="drawing") == {"FINISHED"}
     again = operators.summaries["colors"]
     assert "Already sharp: borders " in again
     assert "changed 0, largest change 0," in again
     assert "raise Width" not in again
     assert read(sheet).tobytes() == once.tobytes()
+
+
+@EACH
+def test_a_second_run_hardly_changes_anything(painted_sheet, kind, domain):
+    sheet = painted_sheet(kind, domain)
+    blur = steepness(sheet)
+    assert sharpen() == {"FINISHED"}
+    assert steepness(sheet) < 0.5 * blur
+    once = read(sheet)
+    assert sharpen() == {"FINISHED"}
+    assert abs(read(sheet) - once).max() < 1.5 / 255
 
 
 @EACH

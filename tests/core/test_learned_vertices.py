@@ -12,6 +12,7 @@ from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.color.learned.planes import Planes
 from shock_filter.core.color.vertex_planes import VertexPlanes, Vertices
+from shock_filter.core.mesh.calculus import smooth_vertices
 
 SIZE = 96
 
@@ -129,6 +130,22 @@ def test_linear_signals_stay_where_heat_spreads():
     assert abs(smooth - vertices[:, :1])[inner].max() < 1e-3
 
 
+def test_needles_carry_nothing_to_their_ends():
+    random = np.random.default_rng(0)
+    y, x = np.mgrid[:40, :40] + random.uniform(-0.35, 0.35, (2, 40, 40))
+    flat = np.stack([x.ravel(), y.ravel()], axis=1)
+    faces = Delaunay(flat).simplices  # along the rim, as long as the sheet
+    mesh = core.TriangleMesh(np.pad(flat, ((0, 0), (0, 1))), faces)
+    truth = areas_of_color(40).reshape(-1, 3)
+    soft = smooth_vertices(mesh, truth, 3)
+    planes = VertexPlanes.of_vertices(Vertices(mesh), soft)
+    smooth = planes.vertices.values_of(planes.smoothed((1.0,), 0, planes.vertices.rows)[0])
+    rim = np.minimum(flat, 39 - flat).min(axis=1) < 1
+    assert error(smooth[rim], soft[rim]) < 2 * error(smooth[~rim], soft[~rim])
+    out = at_vertices(mesh, soft)
+    assert decibels(out[rim], truth[rim]) > decibels(soft[rim], truth[rim])
+
+
 def test_blurred_areas_come_closer_to_what_they_were(uneven):
     vertices, faces, soft, truth = uneven
     mesh = core.TriangleMesh(vertices, faces)
@@ -142,7 +159,7 @@ def test_a_result_depends_on_neither_order_nor_size_nor_place(uneven):
     change = error(out, soft)
     turned = 7.3 * vertices @ rotation(2).T + 100.0
     other = at_vertices(core.TriangleMesh(turned, faces), soft)
-    assert error(other, out) < 0.15 * change  # cells lie elsewhere
+    assert error(other, out) < 0.3 * change  # cells lie elsewhere
     order = np.random.default_rng(0).permutation(len(vertices))
     number = np.argsort(order)
     mesh = core.TriangleMesh(vertices[order], number[faces[::-1]])

@@ -8,14 +8,17 @@ import crease_examples
 import denoise_examples
 import image_examples
 import made
+import mesh_pictures
 import numpy as np
 import pytest
 import train_creases
 import train_denoising
 import train_enlarging
 import train_images
+import train_meshes
 from distances import box, truths
 from meshings import EXTENT, sampled, surface_nets
+from shock_filter.core.color import vertices_learned
 from shock_filter.core.color.learned import enlarging, recipe
 from shock_filter.core.mixture.network import load
 from shock_filter.core.shape import learned, smoothings
@@ -49,6 +52,29 @@ def test_the_shipped_networks_for_enlarging_come_from_these_scripts():
         network = found[enlarging.name_of(times)]
         assert network.made_of == train_enlarging.made_of()
         assert network.version == train_enlarging.VERSION
+
+
+def test_the_shipped_networks_for_vertices_come_from_these_scripts():
+    found = load(vertices_learned.WEIGHTS, vertices_learned.DEFINITION)
+    for name in recipe.STAGES:
+        assert found[name].made_of == train_meshes.made_of()
+        assert found[name].version == train_meshes.VERSION
+
+
+def test_networks_of_images_learn_on_on_meshes(tmp_path, monkeypatch):
+    monkeypatch.setattr(image_examples, "SIZE", 48)
+    monkeypatch.setattr(image_examples, "bank", lambda: [np.eye(768, dtype=np.float32)])
+    monkeypatch.setattr(mesh_pictures, "SIDE", 40)
+    monkeypatch.setattr(mesh_pictures, "MESHES", (mesh_pictures.jittered,))
+    monkeypatch.setattr(train_meshes, "EPOCHS", 3)
+    paths = [train_meshes.made(seed, tmp_path) for seed in range(64, 81)]
+    assert train_meshes.made(64, tmp_path) == paths[0]  # made once
+    said = []
+    networks = train_meshes.train(paths, 1, log=said.append)
+    told = train_meshes.table(paths[0], [])[0]["told"]
+    assert networks["first"].weights[0].shape[0] == told.shape[1]
+    assert told[:, -1].min() > 0.01  # how uneven the mesh is
+    assert any("learned on" in line for line in said)
 
 
 def test_a_tiny_network_learns_to_enlarge(monkeypatch):

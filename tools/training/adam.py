@@ -108,10 +108,23 @@ def trained_gate(
     return _trained(told, back, (*hidden, 1), epochs, seed, log)
 
 
+def trained_on(
+    network: Network, told: np.ndarray, back: Callable, epochs: int, rate: float, seed: int, log
+) -> Network:
+    """Let a network learn on, at a rate of its own; `back` returns loss and slopes of some rows."""
+    layers = [[w.copy(), b.copy()] for w, b in zip(network.weights, network.shifts, strict=True)]
+    spread = (told.std(0) + 1e-2).astype(np.float32)
+    return _learned(layers, spread, told, back, epochs, rate, np.random.default_rng(seed), log)
+
+
 def _trained(told, back, sizes, epochs, seed, log) -> Network:
     rng = np.random.default_rng(seed)
     mean, spread = told.mean(0), told.std(0) + 1e-2
     layers = _begun(rng, [told.shape[1], *sizes], mean, spread)
+    return _learned(layers, spread, told, back, epochs, RATE, rng, log)
+
+
+def _learned(layers, spread, told, back, epochs, top, rng, log) -> Network:
     # The first layer learns as if its inputs were standardised.
     scale = [np.float32(1) for _ in layers]
     scale[0] = (1 / spread[:, None]).astype(np.float32)
@@ -126,7 +139,7 @@ def _trained(told, back, sizes, epochs, seed, log) -> Network:
             found, slopes = _slopes(layers, told[rows], lambda y, rows=rows: back(y, rows))
             loss += found
             step += 1
-            rate = LAST_RATE + RATE * 0.5 * (1 + np.cos(np.pi * step / total))
+            rate = LAST_RATE + top * 0.5 * (1 + np.cos(np.pi * step / total))
             rate *= min(step / rise, 1.0)
             for n, layer in enumerate(layers):
                 for j, slope in enumerate(slopes[n]):

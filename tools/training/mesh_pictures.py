@@ -133,7 +133,7 @@ def blurred(image, sigma):
 
 
 def painted(random, places):
-    """Paint areas of one color each, in bytes, as by hand: with wavy borders, here and there thin."""
+    """Paint areas of one color each, in bytes, with wavy borders, and strokes."""
     waves = random.normal(size=(2, 4, 2))
     size = np.ptp(places, axis=0).max()
     moved = places / size

@@ -87,7 +87,8 @@ def table(path: Path, nets: list[Network]) -> list[dict[str, np.ndarray]]:
         error *= truth[0].size / vertices.mesh.vertex_count
         found.append({
             **rows_of(stage, truth, random), "error": np.array([error]),
-            "same": np.array([same]), "even": np.array([even]), "aside": np.array([seed % KEPT_ASIDE == 0]),
+            "same": np.array([same]), "even": np.array([even]),
+            "aside": np.array([seed % KEPT_ASIDE == 0]),
         })  # fmt: skip
     return found
 
@@ -118,41 +119,6 @@ def rows_of(stage, truth: np.ndarray, random: np.random.Generator) -> dict[str, 
     }  # fmt: skip
 
 
-def tuned(network: Network, told: np.ndarray, back, epochs: int, seed: int, log) -> Network:
-    """Let a network learn on, as in `adam`, at a lower rate."""
-    random = np.random.default_rng(seed)
-    layers = [[w.copy(), b.copy()] for w, b in zip(network.weights, network.shifts, strict=True)]
-    spread = (told.std(0) + 1e-2).astype(np.float32)
-    means = [[np.zeros_like(p) for p in layer] for layer in layers]
-    squares = [[np.zeros_like(p) for p in layer] for layer in layers]
-    step, total = 0, epochs * (len(told) // adam.BATCH)
-    for epoch in range(epochs):
-        order, loss = random.permutation(len(told)), 0.0
-        for i in range(0, len(told) - adam.BATCH + 1, adam.BATCH):
-            rows = order[i : i + adam.BATCH]
-            found, slopes = adam._slopes(layers, told[rows], lambda y, rows=rows: back(y, rows))
-            loss += found
-            step += 1
-            rate = adam.LAST_RATE + RATE * 0.5 * (1 + np.cos(np.pi * step / total))
-            rate *= min(step / adam.WARM_UP, 1.0)
-            for n, layer in enumerate(layers):
-                for j, slope in enumerate(slopes[n]):
-                    factor = 1 / spread[:, None] if n == j == 0 else np.float32(1)
-                    slope = slope * factor
-                    m, s = means[n][j], squares[n][j]
-                    m += (1 - adam.FADES[0]) * (slope - m)
-                    s += (1 - adam.FADES[1]) * (slope * slope - s)
-                    change = (m / (1 - adam.FADES[0] ** step)) / (
-                        np.sqrt(s / (1 - adam.FADES[1] ** step)) + 1e-8
-                    )
-                    layer[j] -= (rate * change * factor).astype(np.float32)
-        log(f"epoch {epoch}: {loss / max(len(told) // adam.BATCH * adam.BATCH, 1):.5f}")
-    return Network(
-        tuple(w.astype(np.float16).astype(np.float32) for w, _ in layers),
-        tuple(b for _, b in layers),
-    )
-
-
 def begun(network: Network) -> Network:
     """Give a network of images inputs for what meshes tell beside, which count nothing yet."""
     first = np.pad(network.weights[0], ((0, BESIDE), (0, 0)))
@@ -171,7 +137,8 @@ def train(paths: list[Path], processes: int, log=print) -> dict[str, Network]:
         )
         del tables, each
         log(f"{STAGES[stage]}: {learned['told'].shape} rows")
-        network = tuned(start, learned["told"], PictureLoss(learned), EPOCHS, stage, log)
+        loss = PictureLoss(learned)
+        network = adam.trained_on(start, learned["told"], loss, EPOCHS, RATE, stage, log)
         for which, net in (("of images", start), ("learned on", network)):
             gain, same, even = gains(net, aside), aside["same"], aside["even"]
             log(

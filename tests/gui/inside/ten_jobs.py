@@ -24,7 +24,6 @@ from harness import (
     positions,
     report,
     save,
-    screen,
     tallest,
     widgets,
 )
