@@ -14,7 +14,7 @@ from mathutils import Vector
 
 from ...core.preview.arrows import DARK, LIGHT, arrows, bar, potential_colors
 from .. import data
-from ..operators import views
+from ..data import views
 from .overlay import Overlay, is_seen
 
 _DISTANCE = 22.0

@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from ..operators import views
+from ..data import views
 from .overlay import Overlay, is_readable
 
 _shown: Overlay | None = None

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gpu_extras.batch import batch_for_shader
 
 from ...core.host.inputs import TexturedFaces
-from ..operators import views
+from ..data import views
 
 _VERTICES = """
 void main()

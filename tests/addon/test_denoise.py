@@ -251,14 +251,15 @@ def test_what_was_not_written_is_not_counted(noisy_cube, select, counting, monke
 
 
 def test_modifiers_are_named_when_vertices_move():
-    obj = SimpleNamespace(modifiers=["Mirror"], data=None)
+    obj = SimpleNamespace(modifiers=["Mirror"], data=None, session_uid=1)
     operator = bpy.types.SHOCK_FILTER_OT_denoise
     quiet = {"custom_normals": "CLEAR", "mark_sharp": False, "output": "SHAPE_KEY"}
     of_geometry, of_colors = (
         SimpleNamespace(row=operator.row, target=t, kind=DATA[t], **quiet)
         for t in ("geometry", "colors")
     )
-    written = [operators.Written(None, obj, None)]
+    target = SimpleNamespace(object_uid=1, is_seen=False)
+    written = [operators.Written(target, obj, None)]
     assert operator.notes(of_geometry, written).startswith("Modifiers were left in place")
     assert operator.notes(of_colors, written) == ""
 

@@ -102,10 +102,10 @@ def test_the_wheel_turns_the_bump_size_of_denoising(rounded_box):
     running.roll(2)
     settle(running)
     shown = read_positions(box.data)
-    assert running.parameters.bump_size == pytest.approx(0.8)
-    assert "Bump Size 0.8 (wheel)" in running.text()
+    assert running.parameters.bump_size == pytest.approx(4.8)
+    assert "Bump Size 4.8 (wheel)" in running.text()
     running.end()
-    bpy.ops.shock_filter.denoise(bump_size=0.8)
+    bpy.ops.shock_filter.denoise(bump_size=4.8)
     np.testing.assert_array_equal(read_positions(box.data), shown)
 
 
@@ -119,8 +119,8 @@ def test_the_wheel_turns_the_bump_size_of_denoising(rounded_box):
         ("colors", {}, "Amount 1 (move mouse) | Width Auto (wheel)"),
         ("colors", {"width": 2.0}, "Amount 1 (move mouse) | Width 2 (wheel)"),
         ("colors", {"time": 0.0}, "Time 0 (move mouse) | Amount 1 (wheel)"),
-        ("denoise", {}, "Strength 1 (move mouse) | Bump Size 0 (wheel)"),
-        ("denoise", {"time": 2.0}, "Strength 1 (move mouse) | Bump Size 0 (wheel)"),
+        ("denoise", {}, "Strength 1 (move mouse) | Bump Size Auto (wheel)"),
+        ("denoise", {"time": 2.0}, "Strength 1 (move mouse) | Bump Size Auto (wheel)"),
         ("denoise", {"method": "beltrami"}, "Strength 1 (move mouse)"),
         (
             "denoise",

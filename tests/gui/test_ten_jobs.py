@@ -3,7 +3,13 @@
 
 import pytest
 
-IMAGES = ["noisy_texture", "blurred_texture", "edges", "uneven_charts", "logo"]
+IMAGES = {
+    "noisy_texture": "Coat denoised",
+    "blurred_texture": "Coat sharpened",
+    "edges": "Coated Distance",
+    "uneven_charts": "Coat stitched",
+    "logo": "Logo sharpened",
+}
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +47,7 @@ def test_a_stack_of_modifiers_becomes_a_new_object(report):
 
 @pytest.mark.parametrize("job", IMAGES)
 def test_an_image_is_made(report, job):
-    assert len(report[job]["made"]) == 1, report[job]["summaries"]
+    assert list(report[job]["made"]) == [IMAGES[job]], report[job]["summaries"]
 
 
 def test_a_small_drawing_becomes_three_times_as_large(report):

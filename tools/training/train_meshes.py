@@ -141,9 +141,12 @@ def train(paths: list[Path], processes: int, log=print) -> dict[str, Network]:
         network = adam.trained_on(start, learned["told"], loss, EPOCHS, RATE, stage, log)
         for which, net in (("of images", start), ("learned on", network)):
             gain, same, even = gains(net, aside), aside["same"], aside["even"]
+            kinds = {"spoiled": ~same, "of these on even meshes": ~same & even, "sharp": same}
+            means = [
+                f"{kind} {gain[some].mean():.3f}" for kind, some in kinds.items() if some.any()
+            ]
             log(
-                f"{which}: mean gain {gain[~same].mean():.3f} dB, on even meshes"
-                f" {gain[~same & even].mean():.3f}, of sharp ones {gain[same].mean():.3f};"
+                f"{which}: mean gain in dB: {', '.join(means)};"
                 f" worse by .1: {(gain < -0.1).mean():.3f}, by .5: {(gain < -0.5).mean():.3f}"
             )
         found.append(replace(network, **facts))

@@ -95,7 +95,7 @@ def add_texture(obj: bpy.types.Object) -> bpy.types.Image:
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.uv.smart_project(island_margin=0.01)
     bpy.ops.object.mode_set(mode="OBJECT")
-    image = _as_image("Coat", bands(_baked(obj)))
+    image = as_image("Coat", bands(_baked(obj)))
     material = bpy.data.materials.new("Coat")
     material.use_nodes = True
     tree = material.node_tree
@@ -112,11 +112,12 @@ def add_image(name: str) -> bpy.types.Image:
     y, x = np.mgrid[:SIDE, :SIDE] * (2.0 / SIDE) - 1.0
     values = bands(np.stack([x, y, 2.0 * y + 0.3 * np.sin(5 * x)], axis=2))
     values[..., :3] += np.random.default_rng(0).normal(scale=0.02, size=(SIDE, SIDE, 3))
-    return _as_image(name, values)
+    return as_image(name, values)
 
 
-def _as_image(name: str, values: np.ndarray) -> bpy.types.Image:
-    image = bpy.data.images.new(name, SIDE, SIDE)
+def as_image(name: str, values: np.ndarray) -> bpy.types.Image:
+    height, width = values.shape[:2]
+    image = bpy.data.images.new(name, width, height)
     image.pixels.foreach_set(values.clip(0, 1).astype(np.float32).ravel())
     image.update()
     return image

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ten jobs, each from a new scene with its object selected, by clicks alone, which are counted."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import bpy
 import numpy as np
@@ -29,10 +29,13 @@ from harness import (
 )
 
 GEOMETRY, DENOISE, COLORS, TEXTURE = range(4)
-"""The first row of the panel, from the left."""
+"""The jobs, in the order of the panel."""
 
-SHARPEN, _, STITCH, _ = range(4)
-"""The second row, of textures."""
+OF_TEXTURE = 4 + 3
+"""What is to be denoised comes after the jobs."""
+
+STITCH = 4 + 2
+"""What is to be done with a texture comes after the jobs, too."""
 
 ENLARGE = 3
 
@@ -54,9 +57,10 @@ def new_scene() -> None:
     bpy.ops.scene.new(type="EMPTY")
     scene.clear()
     for image in list(bpy.data.images):
-        if image.type == "IMAGE":
+        if image.type != "RENDER_RESULT":
             bpy.data.images.remove(image)
-    scene.look()
+    if any(each.type == "VIEW_3D" for each in bpy.context.window_manager.windows[0].screen.areas):
+        scene.look()
 
 
 def clicked(seen: dict, place: Rectangle) -> Steps:
@@ -66,12 +70,12 @@ def clicked(seen: dict, place: Rectangle) -> Steps:
     yield DRAWN
 
 
-def work(seen: dict, kind: str, *rows: tuple[int, int]) -> Steps:
-    """Choose in rows of the panel, then press the main button."""
+def work(seen: dict, kind: str, *choices: int) -> Steps:
+    """Choose in the panel, then press the main button."""
     seen["editor"] = kind
     yield from open_tab(kind)
-    for row, number in rows:
-        yield from clicked(seen, (yield from in_row(row, kind))[number])
+    for number in choices:
+        yield from clicked(seen, (yield from widgets("radio", kind))[number])
     places = yield from buttons(kind)
     yield from clicked(seen, tallest(places))
     yield from park(kind)
@@ -79,31 +83,17 @@ def work(seen: dict, kind: str, *rows: tuple[int, int]) -> Steps:
     seen["summaries"] = dict(addon("operators.base").summaries)
 
 
-def in_row(row: int, kind: str) -> Iterator[float]:
-    """Find the choices of a row; the generator returns their rectangles."""
-    found = yield from widgets("radio", kind)
-    rows: list[list[Rectangle]] = []
-    for place in found:
-        if rows and abs(place[1] - rows[-1][0][1]) < 4:
-            rows[-1].append(place)
-        else:
-            rows.append([place])
-    return rows[row]
-
-
-def changed_mesh(
-    seen: dict, name: str, read: Callable[[str], str], *rows: tuple[int, int]
-) -> Steps:
+def changed_mesh(seen: dict, name: str, read: Callable[[str], str], *choices: int) -> Steps:
     """Do a job that changes a mesh."""
     before = read(name)
-    yield from work(seen, "VIEW_3D", *rows)
+    yield from work(seen, "VIEW_3D", *choices)
     seen["changed"] = read(name) != before
 
 
-def made_image(seen: dict, kind: str, *rows: tuple[int, int]) -> Steps:
+def made_image(seen: dict, kind: str, *choices: int) -> Steps:
     """Do a job that makes an image."""
     before = set(bpy.data.images.keys())
-    yield from work(seen, kind, *rows)
+    yield from work(seen, kind, *choices)
     seen["made"] = {
         name: list(bpy.data.images[name].size) for name in set(bpy.data.images.keys()) - before
     }
@@ -145,26 +135,26 @@ def scan(seen: dict) -> Steps:
     points += np.random.default_rng(0).normal(scale=0.004, size=len(points)).astype(np.float32)
     mesh.vertices.foreach_set("co", points)
     mesh.update()
-    yield from changed_mesh(seen, "Scan", positions, (0, DENOISE))
+    yield from changed_mesh(seen, "Scan", positions, DENOISE)
 
 
 def noisy_texture(seen: dict) -> Steps:
     """Denoise a texture."""
     add_textured(noise=0.05)
-    yield from made_image(seen, "VIEW_3D", (0, DENOISE), (1, -1))
+    yield from made_image(seen, "VIEW_3D", DENOISE, OF_TEXTURE)
 
 
 def painted(seen: dict) -> Steps:
     """Sharpen painted vertices."""
     scene.add_monkey("Painted", 2)
     area("VIEW_3D").spaces.active.shading.color_type = "VERTEX"
-    yield from changed_mesh(seen, "Painted", colors, (0, COLORS))
+    yield from changed_mesh(seen, "Painted", colors, COLORS)
 
 
 def blurred_texture(seen: dict) -> Steps:
     """Sharpen a texture."""
     add_textured()
-    yield from made_image(seen, "VIEW_3D", (0, TEXTURE))
+    yield from made_image(seen, "VIEW_3D", TEXTURE)
 
 
 def uneven_charts(seen: dict) -> Steps:
@@ -177,7 +167,7 @@ def uneven_charts(seen: dict) -> Steps:
     values[: size // 2, :, :3] *= 0.7
     image.pixels.foreach_set(values.ravel())
     image.update()
-    yield from made_image(seen, "VIEW_3D", (0, TEXTURE), (1, STITCH))
+    yield from made_image(seen, "VIEW_3D", TEXTURE, STITCH)
 
 
 def edges(seen: dict) -> Steps:
@@ -207,7 +197,7 @@ def logo(seen: dict) -> Steps:
     away = 60.0 + 20.0 * np.sin(5 * np.arctan2(y, x)) - np.hypot(x, y)
     values = np.ones((256, 256, 4), np.float32) * (0.8, 0.2, 0.1, 1.0)
     values[..., 3] = 0.5 + 0.5 * np.tanh(away / 3.0)
-    show(scene._as_image("Logo", values))
+    show(scene.as_image("Logo", values))
     yield from made_image(seen, "IMAGE_EDITOR")
 
 
@@ -221,7 +211,7 @@ def small_drawing(seen: dict) -> Steps:
     ):
         inside = np.clip(radius - np.hypot(x - center[0], y - center[1]) + 0.5, 0, 1)[..., None]
         values[..., :3] += inside * (np.array(color) - values[..., :3])
-    show(scene._as_image("Drawing", values))
+    show(scene.as_image("Drawing", values))
     seen["editor"] = "IMAGE_EDITOR"
     yield from open_tab("IMAGE_EDITOR")
     numbers = yield from widgets("num", "IMAGE_EDITOR")
