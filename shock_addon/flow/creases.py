@@ -17,8 +17,9 @@ from gpu_extras.batch import batch_for_shader
 
 from ...core.host.creases import FoundCreases, creases_of
 from .. import data
+from ..data import views
 from ..modes import find
-from ..operators import base, views
+from ..operators import base
 from ..operators.properties import settings_of
 from .overlay import Overlay, is_seen
 

@@ -209,7 +209,7 @@ def outside_of_fences(path):
 
 def test_few_examples_are_not_run():
     left_out = [example for example in ALL if example.reason is not None]
-    assert len(left_out) <= 28
+    assert len(left_out) <= 29
     assert all(len(example.reason) > 10 for example in left_out)
 
 

@@ -149,6 +149,7 @@ def in_solid_shading() -> Steps:
     """Paint where Workbench shows what is painted on, so that the result is drawn over it."""
     seen = report["solid"] = {}
     bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.scene.shock_filter.detail.image = model_image().name
     shading = area("VIEW_3D").spaces.active.shading
     shading.type, shading.color_type = "SOLID", "TEXTURE"
     yield from park()

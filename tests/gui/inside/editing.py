@@ -57,7 +57,7 @@ def scenario() -> Steps:
 
 
 def drag_in_last_operators_panel() -> Steps:
-    """Run, open what F9 opens, drag the number on top (the width), and undo."""
+    """Run, open what F9 opens, drag the number on top (the amount), and undo."""
     seen = report["redo_panel"] = {}
     run("sharpen_colors")
     yield from finished()
@@ -74,8 +74,8 @@ def drag_in_last_operators_panel() -> Steps:
         yield 2 * DRAWN
         new = [place for place in marked(whole_window()) if place not in before]
     seen["numbers"] = len(new)
-    yield from drag(new[0], 60)
-    seen["width"] = bpy.context.window_manager.operators[-1].properties.width
+    yield from drag(new[0], -60)
+    seen["amount"] = bpy.context.window_manager.operators[-1].properties.amount
     seen["dragged"] = state()
     # Leaving it closes it up to 4.3, a click outside in 5.2; the top bar is empty there.
     move(100, 300)
