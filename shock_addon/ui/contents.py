@@ -95,10 +95,10 @@ def _draw_report(
     obstacle: str,
 ) -> None:
     """Draw why nothing can be done, or what was done last."""
-    # Else Blender draws the first line as the bar that was there, until the mouse moves.
-    layout.separator(factor=0.01)
     if jobs.current() is not None:
         return
+    # Else Blender draws the first line as the bar that was there, until the mouse moves.
+    layout.separator(factor=0.01)
     flow_shown.follow_settings()
     if obstacle:
         draw_text(layout, context, obstacle, icon="INFO")
