@@ -37,7 +37,8 @@ OF_TEXTURE = 4 + 3
 STITCH = 4 + 2
 """What is to be done with a texture comes after the jobs, too."""
 
-ENLARGE = 3
+ENLARGE = 1
+"""Its place among the numbers: a width that is found has none."""
 
 
 def scenario() -> Steps:
