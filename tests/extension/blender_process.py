@@ -217,3 +217,6 @@ if ZIP:
     report["after_enabling_again"] = sharpen()
 addon_utils.disable(MODULE, default_set=True)  # classes left at exit crash or hang old versions
 Path(REPORT).write_text(json.dumps(report), encoding="utf-8")
+sys.stdout.flush()
+if bpy.app.version < (4, 5):  # as a module, 4.2 crashes at exit once a class has been registered
+    os._exit(0)

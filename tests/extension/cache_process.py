@@ -63,3 +63,6 @@ else:
 # too, Blender would remove its libraries, under the feet of a process at work.
 addon_utils.disable(MODULE)
 arguments.report.write_text(json.dumps(report), encoding="utf-8")
+if bpy.app.version < (4, 5):  # see blender_process.py
+    sys.stdout.flush()
+    os._exit(0)
