@@ -487,7 +487,7 @@ MODES: list[Mode] = [
                 "Crisp Borders",
                 "For wide, soft borders between areas that should have one color each, where Auto"
                 " finds too little: closes borders 12 edges wide",
-                {"width": 12.0},
+                {"what": "drawing", "width": 12.0},
             ),
             _PAINTERLY,
         ),

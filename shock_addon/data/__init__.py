@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         replaced,
         shown,
         skipped,
+        views,
     )
 
 

@@ -106,7 +106,9 @@ def test_undo_takes_the_new_image_away():
 def test_the_image_editor_has_the_mode():
     scene = bpy.context.scene
     scene.shock_filter.image_mode = "DENOISE_IMAGE"
-    context = SimpleNamespace(scene=scene)
+    context = SimpleNamespace(
+        scene=scene, mode="OBJECT", object=None, selected_objects=[], space_data=None
+    )
     main = panels.SHOCK_FILTER_PT_image_main
     assert main.mode(context).key == "denoise_image"
     assert main.settings(context) == scene.shock_filter.denoise_image

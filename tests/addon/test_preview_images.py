@@ -437,26 +437,35 @@ def test_a_texture_needs_an_image_editor_for_its_preview(rounded_box, editor, mo
     scene.mode = "TEXTURE"
     rounded_box()
     obstacle = preview_operator._of_meshes
-    assert obstacle(bpy.context) == "Add an Image Texture node with an image to the material."
+    assert (
+        obstacle(bpy.context, find("texture"))
+        == "Add an Image Texture node with an image to the material."
+    )
     bpy.data.objects.remove(bpy.context.object)
     wood = add_image(soft(16, 16), "Wood")
     textured_sheet(wood)
-    assert "Open the texture in an Image Editor" in obstacle(bpy.context)
+    assert "Open the texture in an Image Editor" in obstacle(bpy.context, find("texture"))
     with monkeypatch.context() as patch:  # or a view that shows textures
         patch.setattr(preview_operator, "views_with_textures", lambda: ["view"])
-        assert obstacle(bpy.context) == ""
+        assert obstacle(bpy.context, find("texture")) == ""
         bpy.context.object.active_material.node_tree.nodes.active.image.source = "TILED"
-        assert obstacle(bpy.context) != ""
+        assert obstacle(bpy.context, find("texture")) != ""
         wood.source = "GENERATED"
     editor(wood)
-    assert obstacle(bpy.context) == ""
+    assert obstacle(bpy.context, find("texture")) == ""
 
 
 def test_what_the_tab_shows_is_previewed():
     scene = bpy.context.scene.shock_filter
     scene.mode, scene.image_mode = "COLORS", "DENOISE_IMAGE"
     for kind, mode in (("VIEW_3D", "colors"), ("IMAGE_EDITOR", "denoise_image")):
-        context = SimpleNamespace(scene=bpy.context.scene, space_data=SimpleNamespace(type=kind))
+        context = SimpleNamespace(
+            scene=bpy.context.scene,
+            space_data=SimpleNamespace(type=kind, image=None),
+            mode="OBJECT",
+            object=None,
+            selected_objects=[],
+        )
         assert preview_operator._shown_mode(context).key == mode
 
 

@@ -130,6 +130,7 @@ shock_filter.unregister()
         "core.settings",
         "shock_addon.data.shown",
         "shock_addon.data.skipped",
+        "shock_addon.data.views",
     ]
     # With nothing selected, menus and panels ask what could be run.
     assert asked == sorted([*enabled, "shock_addon.data.chosen", "shock_addon.data.materials"])

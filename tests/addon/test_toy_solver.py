@@ -282,7 +282,7 @@ def test_lengths_scale_with_the_texels_of_a_preview(found):
 
 def test_the_panel_draws_its_settings_and_button(found):
     properties, operators = found["drawn"]
-    assert {"radius", "hold", "gutter", "seams"} <= set(properties)
+    assert {"radius", "hold"} <= set(properties)
     assert ["shock_filter.smooth_by_curvature"] in operators
     assert found["preset"] == [["FINISHED"], 5000.0]
 

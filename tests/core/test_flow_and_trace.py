@@ -240,7 +240,9 @@ def test_sharpening_around_a_hub_asks_often_and_stays_in_range():
     mesh = core.TriangleMesh(*fan(20_000))
     colors = 0.5 + 0.4 * np.sin(3 * np.arctan2(mesh.vertices[:, 1:2], mesh.vertices[:, :1]))
     asked = []
-    out = core.sharpen_vertex_signal(mesh, colors, progress=lambda *_: asked.append(1) or True)
+    drawing = core.ShockSettings(what="drawing")
+    ask = lambda *_: asked.append(1) or True  # noqa: E731
+    out = core.sharpen_vertex_signal(mesh, colors, drawing, progress=ask)
     assert len(asked) > 100
     assert colors.min() <= out.min() and out.max() <= colors.max()
     assert out.std() > 1.02 * colors.std()
