@@ -30,7 +30,7 @@ would need many more steps; their edges conduct less."""
 
 MOST_SPREAD = 8.0
 """The most variance per time by one edge: its rate times its squared length. All edges of a vertex
-come to 4 together where a mesh is even, and one of them to 4 or 5 at most where it is uneven."""
+come to 4 together where a mesh is even; needles would come to hundreds and more."""
 
 _PLAIN = 4
 """Up to so many plain steps are taken."""
