@@ -42,3 +42,7 @@ class Cancelled(ShockError):
 
 class InvalidUV(ShockError, ValueError):
     """Texture coordinates are missing or cannot be used."""
+
+
+class KernelMissing(ShockError, NotImplementedError):
+    """The library of compiled kernels lacks some types, and numba is not installed."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Build the Blender extension: one validated zip per platform and Blender series, in ``dist/``.
+"""Build the Blender extension: one validated zip per platform, in ``dist/``.
 
-Each zip carries the wheels of scipy, numba and llvmlite for its platform and for the Python of
-its Blender series; numpy comes with Blender. Building and validating is done by Blender's own
-``blender_ext.py``, which is part of the bpy wheel, so no Blender needs to be installed.
+Each zip carries a wheel with the compiled kernels for its platform (tools/build_kernels.py), which
+all supported Blenders load; numpy comes with Blender. Building and validating is done by Blender's
+own ``blender_ext.py``, which is part of the bpy wheel, so no Blender needs to be installed.
 """
 
 from __future__ import annotations
@@ -17,30 +17,19 @@ import sys
 import tempfile
 import tomllib
 import zipfile
-from dataclasses import dataclass
 from pathlib import Path
 
+import build_kernels
 import bundled
 import check_zip
-import wheel_hashes
 
 ROOT = Path(__file__).resolve().parent.parent
-WHEELS = ROOT / ".wheels"
 DIST = ROOT / "dist"
 MANIFEST = "blender_manifest.toml"
 CONTENT = ["__init__.py", "LICENSE", "README.md", "core", "shock_addon"]
 MANUAL = "manual"
 MEGABYTE = 1_000_000
-SIZE_LIMIT = 110 * MEGABYTE
-
-# numpy is Blender's own: all extensions share one site-packages, and Blender needs its version.
-# llvmlite before 0.46 crashes a Blender with a window on Linux: its LLVM clashes with the one of
-# the graphics driver. There are no later wheels for Macs with Intel processors.
-REQUIREMENTS = ["scipy==1.15.3", "numba==0.63.1", "llvmlite==0.46.0"]
-REQUIREMENTS_ON = {"macos-x64": ["scipy==1.15.3", "numba==0.62.1", "llvmlite==0.45.1"]}
-
-# For windows of Blenders whose Python no series has: Debian's 5.2, whose numpy is 2.4.
-REQUIREMENTS_IN_WINDOWS = {"3.14": ["scipy==1.16.3", "numba==0.64.0", "llvmlite==0.46.0"]}
+SIZE_LIMIT = 12 * MEGABYTE
 
 # Blender as a Python package, for tests, and the Python of each; see noxfile.py.
 BLENDERS = {
@@ -50,31 +39,11 @@ BLENDERS = {
     "bpy==5.2.3": "3.13",
 }
 
-# Blender's name of each platform, and the wheel tags that its oldest supported system can load.
-PLATFORMS = {
-    "linux-x64": ["manylinux_2_17_x86_64", "manylinux2014_x86_64"],
-    "windows-x64": ["win_amd64"],
-    "macos-arm64": ["macosx_12_0_arm64"],
-    "macos-x64": ["macosx_10_15_x86_64"],
-}
+PLATFORMS = ["linux-x64", "windows-x64", "macos-arm64", "macos-x64"]
+"""Blender's names of the platforms."""
 
 LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """The date of all files in zips, so that two builds give the same bytes."""
-
-
-@dataclass(frozen=True)
-class Series:
-    """Blender versions that share one Python: from ``first`` up to, but without, ``end``."""
-
-    first: str
-    end: str | None
-    python: str
-
-
-SERIES = {
-    "4.2": Series(first="4.2.0", end="5.1.0", python="3.11"),
-    "5.1": Series(first="5.1.0", end=None, python="3.13"),
-}
 
 
 def run(command: list[str]) -> None:
@@ -82,53 +51,6 @@ def run(command: list[str]) -> None:
     code = subprocess.run(command).returncode
     if code:
         raise SystemExit(f"Nothing was built: exit status {code} of `{' '.join(command)}`.")
-
-
-def pip_words(platform: str, python: str) -> list[str]:
-    """Return what tells pip to take wheels for a platform and a Python."""
-    tags = [f"--platform={tag}" for tag in PLATFORMS[platform]]
-    return ["--implementation=cp", f"--python-version={python}", *tags]
-
-
-def download_wheels(platform: str, python: str, requirements: list[str]) -> list[Path]:
-    """Return the pinned wheels, fetched by pip unless they are in ``.wheels/`` already."""
-    folder = WHEELS / f"{platform}-python{python}"
-    wheels = []
-    for requirement in requirements:
-        pattern = requirement.replace("==", "-") + "-*.whl"
-        for _ in range(3):  # downloads break off
-            if list(folder.glob(pattern)):
-                break
-            wheel_hashes.download(requirement, folder, pip_words(platform, python))
-        else:
-            raise SystemExit(f"Nothing was built: {requirement} cannot be downloaded.")
-        for wheel in folder.glob(pattern):
-            wheel_hashes.check(wheel, requirement)
-            wheels.append(wheel)
-    return wheels
-
-
-def check_wheel(wheel: Path, platform: str, python: str) -> None:
-    """Refuse a wheel that is for another platform, or for another Python than the series has."""
-    *_, tag, _, systems = wheel.stem.split("-")
-    fitting = f"cp{python.replace('.', '')}"
-    if tag != fitting or not any(_loads(platform, system) for system in systems.split(".")):
-        raise SystemExit(
-            f"{wheel.name} is not for {platform} and Python {python}: take one for {fitting} and"
-            f" {' or '.join(PLATFORMS[platform])}."
-        )
-
-
-def _loads(platform: str, system: str) -> bool:
-    """Tell whether the oldest supported system of a platform loads wheels for `system`."""
-    newest = PLATFORMS[platform][0]
-    if not platform.startswith("macos"):
-        return system in PLATFORMS[platform]
-    kind, *version, processor = system.split("_", 3)
-    newest_kind, *newest_version, newest_processor = newest.split("_", 3)
-    return (kind, processor) == (newest_kind, newest_processor) and [*map(int, version)] <= [
-        *map(int, newest_version)
-    ]
 
 
 def build_manual() -> None:
@@ -152,18 +74,15 @@ def copy_content(stage: Path) -> None:
             shutil.copy(ROOT / name, stage)
 
 
-def complete_manifest(platform: str, series: Series, wheels: list[Path]) -> str:
+def complete_manifest(platform: str, wheels: list[Path]) -> str:
     """Return the manifest's text with what holds for one zip only."""
     text = (ROOT / MANIFEST).read_text(encoding="utf-8")
     minimum = 'blender_version_min = "4.2.0"\n'
     if text.count(minimum) != 1:
         raise SystemExit(f"{MANIFEST} must hold this line once: {minimum}")
-    lines = [f'blender_version_min = "{series.first}"']
-    if series.end:
-        lines.append(f'blender_version_max = "{series.end}"')
-    lines.append(f'platforms = ["{platform}"]')
+    lines = [f'platforms = ["{platform}"]']
     lines += ["wheels = [", *(f'    "./wheels/{wheel.name}",' for wheel in wheels), "]"]
-    return text.replace(minimum, "\n".join(lines) + "\n")
+    return text.replace(minimum, minimum + "\n".join(lines) + "\n")
 
 
 def blender_ext(*arguments: str) -> None:
@@ -187,10 +106,9 @@ def version() -> str:
     return tomllib.loads((ROOT / MANIFEST).read_text(encoding="utf-8"))["version"]
 
 
-def zip_name(platform: str, name: str) -> str:
-    """Name the zip for one platform and one Blender series."""
-    label = f"{platform.replace('-', '_')}-blender{name.replace('.', '')}"
-    return f"shock_filter-{version()}-{label}.zip"
+def zip_name(platform: str) -> str:
+    """Name the zip for one platform."""
+    return f"shock_filter-{version()}-{platform.replace('-', '_')}.zip"
 
 
 def make_reproducible(path: Path) -> None:
@@ -217,19 +135,18 @@ def make_repository(folder: Path) -> None:
     index.write_text(json.dumps(listed, indent=2) + "\n", encoding="utf-8")
 
 
-def build(platform: str, series: Series, requirements: list[str], target: Path) -> Path:
-    """Build and validate the zip for one platform and one Blender series."""
-    wheels = download_wheels(platform, series.python, requirements)
+def build(platform: str, target: Path) -> Path:
+    """Build and validate the zip for one platform."""
+    wheels = [build_kernels.build(platform)]
     with tempfile.TemporaryDirectory() as folder:
         stage = Path(folder)
         copy_content(stage)
         (stage / "wheels").mkdir()
         for wheel in wheels:
-            check_wheel(wheel, platform, series.python)
             shutil.copy(wheel, stage / "wheels")
         has_manual = (stage / MANUAL).is_dir()
         (stage / bundled.LIST).write_text(bundled.listing(wheels, has_manual), encoding="utf-8")
-        (stage / MANIFEST).write_text(complete_manifest(platform, series, wheels), encoding="utf-8")
+        (stage / MANIFEST).write_text(complete_manifest(platform, wheels), encoding="utf-8")
         blender_ext("build", f"--source-dir={stage}", f"--output-filepath={target}")
     make_reproducible(target)
     blender_ext("validate", str(target))
@@ -250,18 +167,13 @@ def check_size(path: Path) -> None:
 def main() -> None:
     """Build the zips that the command line asks for; all of them by default."""
     parser = argparse.ArgumentParser(description="Build the Shock Filter extension's zips.")
-    parser.add_argument("--platform", nargs="+", choices=PLATFORMS, default=list(PLATFORMS))
-    parser.add_argument("--series", nargs="+", choices=SERIES, default=list(SERIES))
+    parser.add_argument("--platform", nargs="+", choices=PLATFORMS, default=PLATFORMS)
     arguments = parser.parse_args()
     DIST.mkdir(exist_ok=True)
     build_manual()
-    zips = [
-        build(p, SERIES[s], REQUIREMENTS_ON.get(p, REQUIREMENTS), DIST / zip_name(p, s))
-        for p in arguments.platform
-        for s in arguments.series
-    ]
-    for path in zips:
-        print(f"{path.stat().st_size / MEGABYTE:6.1f} MB  {path.name}")
+    for platform in arguments.platform:
+        path = build(platform, DIST / zip_name(platform))
+        print(f"{path.stat().st_size / MEGABYTE:6.1f} MB  {path.name}", flush=True)
 
 
 if __name__ == "__main__":

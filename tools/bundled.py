@@ -44,19 +44,11 @@ SHIPPABLE = {
 
 # Where a wheel's own words are none of SPDX's. Read in its licence files.
 READ = {
-    "scipy": "BSD-3-Clause",
-    "numba": "BSD-2-Clause",
-    "llvmlite": "BSD-2-Clause AND Apache-2.0 WITH LLVM-exception",
     "mkdocs-material": "MIT",
 }
 
-# What the compiled parts of wheels bring along, as their licence files and names of libraries say.
-INSIDE = {
-    "scipy": "OpenBLAS and LAPACK (BSD-3-Clause), GCC's runtime (GPL-3.0-or-later WITH"
-    " GCC-exception-3.1), libquadmath (LGPL-2.1-or-later)",
-    "llvmlite": "LLVM (Apache-2.0 WITH LLVM-exception); on Windows Microsoft's C++ runtime, a"
-    " system library",
-}
+# What the linker adds to the compiled kernels.
+LINKED = "LLVM's compiler-rt (Apache-2.0 WITH LLVM-exception); on Windows parts of mingw-w64 (MIT)"
 
 
 class Package(NamedTuple):
@@ -90,7 +82,8 @@ def package_of(wheel: Path) -> Package:
     check_licence(wheel.name, licence)
     digest = hashlib.sha256(wheel.read_bytes()).hexdigest()
     place = f"wheels/{wheel.name}"
-    return Package(name, about["Version"], licence, INSIDE.get(name, ""), place, digest)
+    inside = LINKED if name.startswith("shock_filter_kernels") else ""
+    return Package(name, about["Version"], licence, inside, place, digest)
 
 
 def theme_of_manual() -> Package:

@@ -57,6 +57,12 @@ OPTIONAL = {
     "cryptography",
 }
 
+# What serves the core where no library of kernels is, and scipy's matrices given by callers.
+ELSEWHERE = {"numba", "scipy"}
+
+HEAVY = {"numba", "llvmlite", "scipy"}
+"""What the zips do without."""
+
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 FORBIDDEN = re.compile(r'[<>:"|?*\\\x00-\x1f]')
 
@@ -86,6 +92,9 @@ def problems_of(path: Path, platform: str) -> Iterator[str]:
                 yield from names_that_fail(wheel.namelist(), f"{name}: ")
                 yield from foreign_files(wheel, platform, f"{name}: ")
                 carried |= {entry.split("/")[0].removesuffix(".py") for entry in wheel.namelist()}
+        yield from (f"It carries {name}: leave it out." for name in sorted(HEAVY & carried))
+        if not any(name.startswith("shock_filter_kernels_") for name in carried):
+            yield "It lacks the compiled kernels."
         yield from lost_imports(archive, carried)
         listed = tomllib.loads(archive.read("blender_manifest.toml").decode("utf-8"))["wheels"]
         if sorted(listed) != sorted(f"./{name}" for name in wheels):
@@ -137,7 +146,7 @@ def lost_imports(archive: zipfile.ZipFile, carried: set[str]) -> Iterator[str]:
     for name in sorted(names):
         if not name.endswith(".py"):
             continue
-        found = known | OPTIONAL if name.startswith("core/") else known
+        found = known | OPTIONAL | ELSEWHERE if name.startswith("core/") else known
         for node in ast.walk(ast.parse(archive.read(name))):
             if isinstance(node, ast.Import):
                 modules = [alias.name for alias in node.names]

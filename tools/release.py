@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make a release in ``dist/release/``: all that people install, or a sentence that says why not.
 
-- ``repository/``: the zips of all platforms and series, and ``index.json``: an extension repository
+- ``repository/``: the zips of all platforms, and ``index.json``: an extension repository
 - ``python/``: the wheel and the sdist
 - ``manual/``: the manual as pages
 - ``NOTES.md``: what is new, out of CHANGELOG.md
@@ -160,10 +160,7 @@ def build_all(folder: Path, news: str) -> None:
     shutil.rmtree(ROOT / build_extension.MANUAL, ignore_errors=True)
     build_extension.build_manual()
     for platform in build_extension.PLATFORMS:
-        requirements = build_extension.REQUIREMENTS_ON.get(platform, build_extension.REQUIREMENTS)
-        for name, series in build_extension.SERIES.items():
-            target = repository / build_extension.zip_name(platform, name)
-            build_extension.build(platform, series, requirements, target)
+        build_extension.build(platform, repository / build_extension.zip_name(platform))
     build_extension.make_repository(repository)
     build_python(folder / "python")
     shutil.copytree(ROOT / build_extension.MANUAL, folder / "manual")

@@ -31,18 +31,8 @@ def write(wanted: dict[str, list[list[str]]], hashes: Path = HASHES) -> None:
 
 
 def in_use() -> dict[str, list[list[str]]]:
-    """Return all that is downloaded: what zips carry, and Blender as a Python package."""
+    """Return all that is downloaded so: Blender as a Python package."""
     wanted: dict[str, list[list[str]]] = {}
-    for platform in build_extension.PLATFORMS:
-        requirements = build_extension.REQUIREMENTS_ON.get(platform, build_extension.REQUIREMENTS)
-        for series in build_extension.SERIES.values():
-            for requirement in requirements:
-                words = build_extension.pip_words(platform, series.python)
-                wanted.setdefault(requirement, []).append(words)
-    for python, requirements in build_extension.REQUIREMENTS_IN_WINDOWS.items():
-        for requirement in requirements:
-            words = build_extension.pip_words("linux-x64", python)
-            wanted.setdefault(requirement, []).append(words)
     for requirement, python in build_extension.BLENDERS.items():
         for platform in ("manylinux_2_28_x86_64", "win_amd64", "macosx_12_0_arm64"):
             words = [f"--platform={platform}", f"--python-version={python}"]

@@ -14,11 +14,14 @@ import hashlib
 import logging
 import pickle
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 from zlib import crc32
 
+from numba import njit
+from numba import types as numba_types
 from numba.core import config
 from numba.core.caching import (
     CompileResultCacheImpl,
@@ -28,8 +31,10 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
     UserWideCacheLocator,
 )
+from numba.extending import typeof_impl
 
 from . import cache_folder
+from .compiled import Kernel
 
 log = logging.getLogger(__name__)
 
@@ -118,6 +123,17 @@ class KernelCache(FunctionCache):
             super().save_overload(sig, data)
         except Exception as error:
             log.warning("Compiled code cannot be kept in %s (%s).", self.cache_path, error)
+
+
+def compile_kernel(function: Callable[..., Any], fastmath: Any) -> Any:
+    """Return numba's dispatcher of a kernel, whose code is kept on disk."""
+    return keep_on_disk(njit(nogil=True, error_model="numpy", fastmath=fastmath)(function))
+
+
+@typeof_impl.register(Kernel)
+def _type_of_kernel(kernel: Kernel, _: Any) -> Any:
+    # What numba compiles may call kernels of the library.
+    return numba_types.Dispatcher(kernel.dispatcher)
 
 
 def keep_on_disk(kernel: Any) -> Any:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run compiled kernels over index ranges on all cores, with progress and cancelling.
 
-Kernels are serial numba functions ``kernel(start, stop, *arrays)`` that release the GIL; the
-chunks of the range run on a thread pool. (numba's own ``parallel=True`` aborts the process when
+Kernels are serial functions ``kernel(start, stop, *arrays)``, compiled beforehand (see `compiled`)
+or by numba, that release the GIL; the chunks of the range run on a thread pool. (numba's own ``parallel=True`` aborts the process when
 two Python threads enter it, and its cache and thread counts clash.)
 """
 
@@ -15,9 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
 
-from numba import njit
-
-from .kernel_cache import keep_on_disk
+from .compiled import Kernel, library
 from .progress import ask
 
 LARGEST_CHUNK = 1 << 15
@@ -25,14 +23,21 @@ LARGEST_CHUNK = 1 << 15
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a kernel: releases the GIL, keeps compiled code on disk, divides like numpy."""
-    return keep_on_disk(njit(nogil=True, error_model="numpy")(function))
+    """Make a kernel of a function: releases the GIL, and divides like numpy."""
+    return _kernel(function, False)
 
 
 def sum_kernel(function: Callable[..., Any]) -> Any:
-    """Compile a kernel that sums long arrays: the compiler may reorder the additions."""
-    compiled = njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-    return keep_on_disk(compiled(function))
+    """Make a kernel that sums long arrays: the compiler may reorder the additions."""
+    return _kernel(function, {"reassoc", "contract"})
+
+
+def _kernel(function: Callable[..., Any], fastmath: Any) -> Any:
+    if library() is not None:
+        return Kernel(function, fastmath)
+    from .kernel_cache import compile_kernel
+
+    return compile_kernel(function, fastmath)
 
 
 most_threads: int | None = None
@@ -75,9 +80,10 @@ def run_in_order(
 ) -> None:
     """Like `run`, but chunk by chunk in order, for kernels that build on earlier chunks."""
     chunk = chunk or chunk_size(count)
+    call = _bound(function, arguments)
     for start in range(0, count, chunk):
         stop = min(start + chunk, count)
-        function(start, stop, *arguments)
+        call(start, stop)
         ask(stop / count)
 
 
@@ -119,13 +125,14 @@ def run(
     helpers = min(thread_count(), chunks) - 1
     numbers = itertools.count()
     stopped = False
+    call = _bound(function, arguments)
 
     def work() -> None:
         nonlocal stopped
         try:
             while not stopped and (number := next(numbers)) < chunks:
                 start = number * chunk
-                function(start, min(start + chunk, count), *arguments)
+                call(start, min(start + chunk, count))
                 ask((number + 1) / chunks)  # answers in the calling thread only
         except BaseException:
             stopped = True
@@ -141,3 +148,9 @@ def run(
     for future in futures:
         future.result()
     ask(1.0)  # other threads may have run the last chunks
+
+
+def _bound(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Callable[[int, int], Any]:
+    if isinstance(function, Kernel):
+        return function.bind(*arguments)
+    return lambda start, stop: function(start, stop, *arguments)

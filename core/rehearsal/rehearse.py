@@ -15,7 +15,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numba.core.dispatcher import Dispatcher
 
 from ..base.findings import gathering
 from ..base.progress import ProgressCallback
@@ -78,24 +77,19 @@ def rehearse(
     kinds : collection of str
         Kinds of data to run filters on.
     """
-    for run in _runs(kinds):
-        if progress is not None and not progress(share_ready(), "Preparing"):
+    runs = list(_runs(kinds))
+    for number, run in enumerate(runs):
+        if progress is not None and not progress(number / len(runs), "Preparing"):
             return
         with gathering():  # as hosts do: what is told is measured, too
             run()
 
 
-def share_ready() -> float:
-    """Return the fraction of the kernels that are compiled and loaded."""
-    kernels = imported_kernels()
-    return sum(bool(kernel.overloads) for kernel in kernels) / max(len(kernels), 1)
-
-
-def imported_kernels() -> set[Dispatcher]:
-    """Return the kernels of all modules of the core that are imported."""
+def imported_kernels() -> set[Any]:
+    """Return the kernels of all modules of the core that are imported, which have a `py_func`."""
     modules = [module for name, module in list(sys.modules.items()) if name.startswith(_CORE)]
     values = [value for module in modules for value in vars(module).values()]
-    return {value for value in values if isinstance(value, Dispatcher)}
+    return {value for value in values if hasattr(value, "py_func")}
 
 
 def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The repository's root and the zip, for all tests of the packaged extension.
 
-The Python that runs pytest has bpy and numpy only: `nox -s test_blender` provides it. Where
-``SHOCK_FILTER_ZIPS`` names a folder, its zips are tested; without it one is built.
+The Python that runs pytest has bpy and numpy only: `nox -s test_blender` provides it, and the zip.
 """
 
 import os
@@ -61,14 +60,8 @@ def run(start, finish) -> Callable[..., str]:
 
 
 @pytest.fixture(scope="session")
-def extension_zip(root: Path, run: Callable[..., str]) -> Path:
-    """Return the zip for the Blender at hand, built from the present source."""
-    version = run("-c", "import bpy; print(*bpy.app.version[:2], sep='.')").split()[-1]
-    series = "4.2" if tuple(map(int, version.split("."))) < (5, 1) else "5.1"
-    if folder := os.environ.get("SHOCK_FILTER_ZIPS"):
-        (ready,) = Path(folder).glob(f"*-linux_x64-blender{series.replace('.', '')}.zip")
-        return ready
-    output = run(
-        root / "tools" / "build_extension.py", "--platform", "linux-x64", "--series", series
-    )
-    return root / "dist" / output.split()[-1]
+def extension_zip(root: Path) -> Path:
+    """Return the zip that `nox -s build` has made."""
+    found = list((root / "dist").glob("*-linux_x64.zip"))
+    assert len(found) == 1, "run `nox -s build -- --platform linux-x64` first"
+    return found[0]

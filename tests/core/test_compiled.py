@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kernels of a library: which one serves which arguments, and what is said where none does."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from shock_filter.core.base import compiled
+from shock_filter.core.errors import KernelMissing
+
+
+class Rows(NamedTuple):
+    """A tuple of arrays with a name."""
+
+    start: np.ndarray
+    values: np.ndarray
+
+
+@pytest.mark.parametrize(
+    ("value", "name"),
+    [
+        (np.zeros((2, 3)), "<f82C"),
+        (np.zeros((2, 3)).T, "<f82F"),
+        (np.zeros((4, 3))[::2], "<f82A"),
+        (np.zeros(3, np.float32), "<f41C"),
+        (np.zeros(2, bool), "|b11C"),
+        (3, "i"),
+        (np.int64(3), "i"),
+        (3.0, "f"),
+        (np.float32(3), "float32"),
+        (True, "b"),
+        (None, "n"),
+        ((1, 2.0), "(i,f)"),
+        (Rows(np.zeros(2, np.int32), np.zeros(2)), "Rows(<i41C,<f81C)"),
+    ],
+)
+def test_types_are_named_as_in_the_table(value, name):
+    assert compiled.type_name(value) == name
+
+
+def test_arrays_that_are_read_only_or_unaligned_have_names_of_their_own():
+    array = np.zeros(3)
+    array.flags.writeable = False
+    assert compiled.type_name(array) == "<f81Cr"
+    odd = np.zeros(17, np.uint8)[1:].view(np.float64)
+    assert compiled.type_name(odd) == "<f81unaligned"
+
+
+@pytest.mark.parametrize(
+    ("given", "taken", "fits"),
+    [
+        ("<f82C", "<f82C", True),
+        ("<f82C", "<f82A", True),
+        ("<f82F", "<f82A", True),
+        ("<f82A", "<f82C", False),
+        ("<f82C", "<f82F", False),
+        ("<f82C", "<f82Cr", True),
+        ("<f82Cr", "<f82C", False),
+        ("<f82Cr", "<f82Ar", True),
+        ("<f42C", "<f82C", False),
+        ("<f81C", "<f82C", False),
+        ("i", "f", False),
+        ("Rows(<i41C,<f81C)", "Rows(<i41C,<f81A)", True),
+        ("Rows(<i41C,<f81C)", "Other(<i41C,<f81C)", False),
+        ("(i,f)", "(i,f),i", False),
+    ],
+)
+def test_a_kernel_takes_what_it_can_read_and_write(given, taken, fits):
+    assert compiled._fits([given], taken) == fits
+
+
+def test_addresses_are_read_past_the_head_of_arrays():
+    array = np.arange(12.0).reshape(3, 4)
+    for each in (array, array[1:], array[:, 2], array.T):
+        assert compiled._address(each) == each.ctypes.data
+
+
+def test_a_missing_kernel_is_named_with_its_types(monkeypatch):
+    class Empty:
+        free = None
+
+        def find(self, name, types):
+            return None
+
+    monkeypatch.setattr(compiled, "library", Empty)
+    monkeypatch.setattr(compiled.importlib.util, "find_spec", lambda name: None)
+    kernel = compiled.Kernel(test_addresses_are_read_past_the_head_of_arrays, False)
+    with pytest.raises(KernelMissing, match=r"No kernel .*test_addresses.* types <f81C, i: install"):
+        kernel(np.zeros(2), 1)
