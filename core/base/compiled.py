@@ -244,7 +244,7 @@ class _Call:
     ) -> None:
         self._name, self._function = name, function
         self._packing = struct.Struct("@" + "".join(map(_letters, arguments)))
-        self._result = _reader(result, free)
+        self._result = _Result(result, free) if result else None
 
     def __call__(self, arguments: tuple[Any, ...]) -> Any:
         slots: list[Any] = []
@@ -327,43 +327,50 @@ def _slots(value: Any, into: list[Any]) -> None:
         into.append(0 if value is None else value)
 
 
-class _Numbers:
-    """Reads a number, or a tuple of numbers."""
+class _Result:
+    """Reads what a kernel returns: a number, an array, or a tuple of these.
 
-    def __init__(self, letters: str | list[str]) -> None:
-        self._is_one = isinstance(letters, str)
-        self._packing = struct.Struct("@" + "".join(letters))
+    Parameters
+    ----------
+    kinds : str or list of str
+        Letters of `struct` for numbers, types of the table for arrays.
+    free : callable
+        Gives the memory of an array back.
+    """
+
+    def __init__(self, kinds: str | list[str], free: Any) -> None:
+        self._is_one = isinstance(kinds, str)
+        self._free = free
+        self._kinds: list[np.dtype | None] = []
+        self._sizes: list[int] = []  # in numbers
+        letters = ""
+        for kind in [kinds] if isinstance(kinds, str) else kinds:
+            array = _ARRAY.fullmatch(kind)
+            self._kinds.append(np.dtype(array[1]) if array else None)
+            self._sizes.append(5 + 2 * int(array[2]) if array else 1)
+            letters += f"{self._sizes[-1]}q" if array else kind
+        self._packing = struct.Struct("@" + letters)
 
     def place(self) -> Any:
         return ctypes.create_string_buffer(self._packing.size)
 
     def read(self, place: Any) -> Any:
-        found = self._packing.unpack(place.raw)
-        return found[0] if self._is_one else found
+        numbers = iter(self._packing.unpack(place.raw))
+        found = []
+        for kind, size in zip(self._kinds, self._sizes, strict=True):
+            part = [next(numbers) for _ in range(size)]
+            found.append(part[0] if kind is None else self._copied(kind, part))
+        return found[0] if self._is_one else tuple(found)
 
-
-class _Array:
-    """Reads an array that the kernel made: copies it, and gives its memory back."""
-
-    def __init__(self, kind: str, free: Any) -> None:
-        dtype, ndim, *_ = _ARRAY.fullmatch(kind).groups()  # type: ignore[union-attr]
-        self._dtype, self._ndim, self._free = np.dtype(dtype), int(ndim), free
-
-    def place(self) -> Any:
-        return (ctypes.c_int64 * (5 + 2 * self._ndim))()
-
-    def read(self, place: Any) -> Any:
-        found = np.empty(tuple(place[5 : 5 + self._ndim]), self._dtype)
-        ctypes.memmove(found.ctypes.data, place[4], found.nbytes)
-        self._free(place[0])
+    def _copied(self, dtype: np.dtype, part: list[int]) -> np.ndarray:
+        memory, _, _, _, address, *rest = part
+        ndim = len(rest) // 2
+        found: np.ndarray = np.empty(rest[:ndim], dtype)
+        assert found.strides == tuple(rest[ndim:]) or not found.size
+        ctypes.memmove(found.ctypes.data, address, found.nbytes)
+        if memory:  # otherwise it was given
+            self._free(memory)
         return found
-
-
-def _reader(result: Any, free: Any) -> _Numbers | _Array | None:
-    if result is None:
-        return None
-    is_array = isinstance(result, str) and _ARRAY.fullmatch(result)
-    return _Array(result, free) if is_array else _Numbers(result)
 
 
 def _error(name: str, status: int, error: Any) -> Exception:

@@ -53,6 +53,14 @@ def symbol(entry: Entry) -> str:
     return "sf_" + hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
+def table_of(entries: Iterable[Entry]) -> dict[str, dict[str, list[Any]]]:
+    """Return the functions and results of kernels by their names and types."""
+    table: dict[str, dict[str, list[Any]]] = {}
+    for each in entries:
+        table.setdefault(each.name, {})[each.types] = [symbol(each), each.result]
+    return table
+
+
 def compile_entries(entries: Iterable[Entry], platform: str) -> bytes:
     """Compile kernels to an object file.
 
@@ -181,13 +189,10 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("harvests", type=Path, nargs="+")
     given = parser.parse_args()
-    entries = {symbol(each): each for path in given.harvests for each in read(path)[1]}
+    entries = {symbol(each): each for path in given.harvests for each in read(path)[0]}
     ordered = sorted(entries.values(), key=lambda each: (each.name, each.types))
-    table: dict[str, dict[str, list[object]]] = {}
-    for each in ordered:
-        table.setdefault(each.name, {})[each.types] = [symbol(each), each.result]
     (given.folder / "kernels.o").write_bytes(compile_entries(ordered, given.platform))
-    (given.folder / "kernels.json").write_text(json.dumps(table), encoding="utf-8")
+    (given.folder / "kernels.json").write_text(json.dumps(table_of(ordered)), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ def result_name(kind: types.Type) -> Any:
     if isinstance(kind, types.NoneType):
         return None
     if isinstance(kind, types.BaseTuple):
-        return [_LETTERS[str(each)] for each in kind]
+        return [result_name(each) for each in kind]
     return type_name(kind) if isinstance(kind, types.Array) else _LETTERS[str(kind)]
 
 
@@ -110,13 +110,8 @@ def _entries() -> list[Entry]:
     return found
 
 
-def main() -> None:
-    """Rehearse and write."""
-    parser = argparse.ArgumentParser(description="Keep the IR of the kernels of a rehearsal.")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("kinds", nargs="*")
-    given = parser.parse_args()
-
+def record() -> None:
+    """Keep the IR of all kernels that are made from now on, and their first calls."""
     CPUCodeLibrary.add_ir_module = _keep_ir
     kernel_cache.KernelCache.load_overload = lambda *_: None  # code on disk has no IR
     compile_kernel = kernel_cache.compile_kernel
@@ -129,10 +124,24 @@ def main() -> None:
     kernel_cache.compile_kernel = recorded
     parallel.most_threads = 1  # else another chunk writes to what is copied
 
+
+def recorded() -> tuple[list[Entry], list[Call]]:
+    """Return what was kept."""
+    return _entries(), _calls
+
+
+def main() -> None:
+    """Rehearse and write."""
+    parser = argparse.ArgumentParser(description="Keep the IR of the kernels of a rehearsal.")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("kinds", nargs="*")
+    given = parser.parse_args()
+
+    record()
     from shock_filter.core.rehearsal.rehearse import rehearse
 
     rehearse(**({"kinds": given.kinds} if given.kinds else {}))
-    write(given.out, _entries(), _calls)
+    write(given.out, *recorded())
 
 
 if __name__ == "__main__":
