@@ -110,7 +110,8 @@ def build(platform: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     _run("tools/kernels/compiler.py", platform, str(folder), *map(str, files))
     library = folder / PLATFORMS[platform].library
-    link(platform, folder / "kernels.o", library)
+    objects = [folder / name for name in ("kernels.o", "wide.o")]
+    link(platform, [each for each in objects if each.stat().st_size], library)
     table = json.loads((folder / "kernels.json").read_text(encoding="utf-8"))
     check_exports(library, table)
     target.parent.mkdir(exist_ok=True)
@@ -119,11 +120,11 @@ def build(platform: str) -> Path:
     return target
 
 
-def link(platform: str, code: Path, library: Path) -> None:
-    """Link an object file with the runtime into a shared library."""
+def link(platform: str, objects: list[Path], library: Path) -> None:
+    """Link object files with the runtime into a shared library."""
     command = [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS[platform].zig]
-    command += ["-shared", "-O2", "-s", "-fvisibility=hidden", str(code), str(RUNTIME)]
-    command += ["-o", str(library), *(["-lm", "-Wl,-z,defs"] if "linux" in platform else [])]
+    command += ["-shared", "-O2", "-s", "-fvisibility=hidden", *map(str, objects)]
+    command += [str(RUNTIME), "-o", str(library), *(["-lm", "-Wl,-z,defs"] if "linux" in platform else [])]
     cache = str(PLACE / "zig")
     env = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
     subprocess.run(command, check=True, env=env, cwd=library.parent)
@@ -133,8 +134,8 @@ def check_exports(library: Path, table: dict[str, dict[str, list[Any]]]) -> None
     """Refuse a library that lacks a function of the table."""
     code = library.read_bytes()
     for name, kernels in table.items():
-        for types, (symbol, _) in kernels.items():
-            if str(symbol).encode() not in code:
+        for types, (symbol, _, *wide) in kernels.items():
+            if not all(each.encode() in code for each in (symbol, *wide)):
                 raise SystemExit(f"{library} lacks {name} for {types}.")
 
 

@@ -63,13 +63,15 @@ class Library:
         self._functions = ctypes.CDLL(str(folder / about["library"]))  # calls release the GIL
         self.free = self._functions["sf_free"]
         self.free.argtypes, self.free.restype = [ctypes.c_void_p], None
+        self.is_wide = bool(self._functions["sf_is_wide"]())
+        """Whether kernels for newer processors are used, where there are any."""
         self._kernels: dict[str, dict[str, list[Any]]] = about["kernels"]
 
     def find(self, name: str, types: list[str]) -> tuple[Any, Any] | None:
         """Return a kernel's function for given types and the type of its result, or None."""
-        for known, (symbol, result) in self._kernels.get(name, {}).items():
+        for known, (symbol, result, *wide) in self._kernels.get(name, {}).items():
             if _fits(types, known):
-                function = self._functions[symbol]
+                function = self._functions[wide[0] if wide and self.is_wide else symbol]
                 function.argtypes = [ctypes.c_char_p, ctypes.c_void_p, ctypes.c_void_p]
                 function.restype = ctypes.c_int
                 return function, result

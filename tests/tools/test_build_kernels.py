@@ -98,3 +98,13 @@ def test_arguments_without_a_slot_are_refused():
     ir = "define i32 @kernel(ptr %result, ptr %error, [2 x i8] %a) {\n  ret i32 0\n}\n"
     with pytest.raises(SystemExit, match="for which there is no slot"):
         compiler.compile_entries([entry(ir)], "linux-x64")
+
+
+def test_networks_are_compiled_for_newer_processors_too():
+    network = Entry("mixture.cells:mix", "i,f,b", "d", "kernel", [IR, WRAPPER])
+    table = compiler.table_of([entry(), network], "linux-x64")
+    assert len(table["a:kernel"]["i,f,b"]) == 2
+    oldest, _, newer = table["mixture.cells:mix"]["i,f,b"]
+    assert oldest != newer
+    assert newer.encode() in compiler.compile_entries([network], "linux-x64", wide=True)
+    assert len(compiler.table_of([network], "macos-arm64")["mixture.cells:mix"]["i,f,b"]) == 2

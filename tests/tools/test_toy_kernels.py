@@ -48,11 +48,11 @@ def library(harvest, tmp_path_factory):
     folder = tmp_path_factory.mktemp("library")
     entries, _ = harvest
     (folder / "kernels.o").write_bytes(compiler.compile_entries(entries, "linux-x64"))
-    build_kernels.link("linux-x64", folder / "kernels.o", folder / "kernels.so")
+    build_kernels.link("linux-x64", [folder / "kernels.o"], folder / "kernels.so")
     about = {
         "sources": compiled.sources_digest(),
         "library": "kernels.so",
-        "kernels": compiler.table_of(entries),
+        "kernels": compiler.table_of(entries, "linux-x64"),
     }
     wheel = folder / build_kernels.wheel_name("linux-x64")
     build_kernels.write_wheel(wheel, build_kernels.version(), about, b"")

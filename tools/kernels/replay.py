@@ -57,8 +57,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Compare a library's results with numba's.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("harvests", type=Path, nargs="+")
+    parser.add_argument("--oldest", action="store_true", help="as on the oldest processor")
     given = parser.parse_args()
     library = compiled.Library(given.folder / compiled.PACKAGE)
+    library.is_wide = library.is_wide and not given.oldest
     counts: Counter[str] = Counter()
     for path in given.harvests:
         for call in read(path)[1]:

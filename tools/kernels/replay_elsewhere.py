@@ -86,7 +86,7 @@ def write_calls(path: Path, table: dict[str, dict[str, list[Any]]]) -> None:
             for call in read(harvest)[1]:
                 types = ",".join(compiled.type_name(each) for each in call.before)
                 entry = table.get(call.name, {}).get(types)
-                if entry and write_call(file, call, *entry):
+                if entry and write_call(file, call, *entry[:2]):
                     written += 1
                 else:
                     left_out += 1
