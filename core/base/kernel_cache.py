@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 from zlib import crc32
 
-from numba.core import config
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -29,37 +28,14 @@ from numba.core.caching import (
     UserWideCacheLocator,
 )
 
-from . import cache_folder
-
 log = logging.getLogger(__name__)
 
 _HEAD_SIZE = 16 + 4
 _IMPORT = re.compile(r"^from (\.+)([\w.]*) import ([^(\n]+|\([^)]*\))", re.MULTILINE)
 
 
-class _ChosenFolder(UserProvidedCacheLocator):
-    """Keeps files where the host program chose."""
-
-    def __init__(self, py_func: Any, py_file: str) -> None:
-        super().__init__(py_func, py_file)
-        self._cache_path = cache_folder.chosen  # one for all kernels: it may be moved or copied
-
-    @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> Any:
-        """Leave the choice to numba if the host program made none."""
-        chosen = cache_folder.chosen and not config.CACHE_DIR  # type: ignore[attr-defined]
-        return (
-            super(UserProvidedCacheLocator, cls).from_function(py_func, py_file) if chosen else None
-        )
-
-
 class _Places(CompileResultCacheImpl):
-    _locator_classes = [
-        _ChosenFolder,
-        UserProvidedCacheLocator,
-        InTreeCacheLocator,
-        UserWideCacheLocator,
-    ]
+    _locator_classes = [UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator]
 
 
 class _Files(IndexDataCacheFile):
