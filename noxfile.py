@@ -173,7 +173,7 @@ def test_blender(session: nox.Session, blender: str) -> None:
 def test_window(session: nox.Session, debian: str | None) -> None:
     """Use the extension in Blender's window: the one on the PATH, or Debian's 4.3 and 5.2."""
     provide_system_libraries(session)
-    install_blender(session, "4.5", *PYTEST, "pillow>=11")
+    install_blender(session, "4.5", *PYTEST, *BUILD, "pillow>=11")
     choice = [f"--debian={debian}"] if debian else []
     session.run("pytest", "tests/gui", *choice, *session.posargs)
 

@@ -19,7 +19,7 @@ from .operators import base as operators
 from .operators import comparing, filtering, keeping, linking, properties
 from .preview import operator as preview_operator
 from .preview import painting
-from .running import jobs, kernels, preparing
+from .running import jobs, kernels
 from .ui import manual, menus, panels, presets, translations
 
 _CLASSES = (
@@ -99,7 +99,6 @@ def register() -> None:
     command.register()
     for handlers, function in _handlers():
         handlers.append(function)
-    preparing.register()
 
 
 def unregister() -> None:
@@ -107,7 +106,6 @@ def unregister() -> None:
     from .operators import statistics
 
     atexit.unregister(_unregister_at_exit)
-    preparing.unregister()
     painting.unregister()
     preview_operator.unregister()
     jobs.stop_all()

@@ -23,7 +23,7 @@ PLACES = {
     "shock_addon.preview": (150, 1, "while the mouse moves"),
     "shock_addon.flow": (400, 1, "Show Flow"),
     "shock_addon.operators": (300, 2, "what buttons run: read, filter, write, tell"),
-    "shock_addon.running": (160, 3, "jobs on a thread, Esc, compiling"),
+    "shock_addon.running": (160, 3, "jobs on a thread, Esc, kernels"),
     "shock_addon.data": (410, 3, "Blender's data in and out"),
     "shock_addon.modes": (620, 3, "one row per button"),
     "shock_addon.kinds": (800, 3, "one row per kind of data"),

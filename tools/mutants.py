@@ -38,12 +38,11 @@ _LEFT_OUT = shutil.ignore_patterns(".git", ".nox", ".venv", "__pycache__", "dist
 _LEAST_TIME, _SLOWER = 300.0, 10.0
 """Seconds after which tests are stopped, and times what they take without a fault."""
 
-# The package's kernels are kept where the environment says; numba's own variable would give each
-# copy of the tree a folder of its own.
+# By itself, numba would keep the kernels of each copy of the tree in a folder of their own.
 _RUN_TESTS = """
 import sys
-import shock_filter.core.base.cache_folder as cache_folder
-cache_folder.chosen = sys.argv.pop(1)
+from numba.core.caching import UserProvidedCacheLocator
+UserProvidedCacheLocator.get_suitable_cache_subpath = lambda *_: ""
 import pytest
 sys.exit(pytest.main())
 """
@@ -103,7 +102,6 @@ class Copy:
             "PYTHONPATH": str(folder),
             "PYTHONDONTWRITEBYTECODE": "1",  # which would not see edits within a second
         }
-        self._environment.pop("NUMBA_CACHE_DIR", None)
 
     def test(self, tests: Iterable[str], limit: float = 3600.0) -> Result:
         """Run tests on the tree as it is."""
@@ -126,9 +124,9 @@ class Copy:
         words = ["-x", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider"]
         start = time.monotonic()
         process = subprocess.Popen(
-            [sys.executable, "-c", _RUN_TESTS, str(kernels), *words, *names],
+            [sys.executable, "-c", _RUN_TESTS, *words, *names],
             cwd=self._tree,
-            env=self._environment,
+            env=self._environment | {"NUMBA_CACHE_DIR": str(kernels)},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

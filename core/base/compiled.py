@@ -151,10 +151,10 @@ class Kernel:
 
     @functools.cached_property
     def dispatcher(self) -> Any:
-        """The same kernel, compiled by numba."""
+        """The same kernel, compiled by numba; not kept: extensions must not write to their folder."""
         from .kernel_cache import compile_kernel
 
-        return compile_kernel(self.py_func, self.fastmath)
+        return compile_kernel(self.py_func, self.fastmath, keep=False)
 
     def _resolve(self, types: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Call:
         names = [type_name(each) for each in arguments]

@@ -22,7 +22,6 @@ from zlib import crc32
 
 from numba import njit
 from numba import types as numba_types
-from numba.core import config
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -33,7 +32,6 @@ from numba.core.caching import (
 )
 from numba.extending import typeof_impl
 
-from . import cache_folder
 from .compiled import Kernel
 
 log = logging.getLogger(__name__)
@@ -42,29 +40,8 @@ _HEAD_SIZE = 16 + 4
 _IMPORT = re.compile(r"^from (\.+)([\w.]*) import ([^(\n]+|\([^)]*\))", re.MULTILINE)
 
 
-class _ChosenFolder(UserProvidedCacheLocator):
-    """Keeps files where the host program chose."""
-
-    def __init__(self, py_func: Any, py_file: str) -> None:
-        super().__init__(py_func, py_file)
-        self._cache_path = cache_folder.chosen  # one for all kernels: it may be moved or copied
-
-    @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> Any:
-        """Leave the choice to numba if the host program made none."""
-        chosen = cache_folder.chosen and not config.CACHE_DIR  # type: ignore[attr-defined]
-        return (
-            super(UserProvidedCacheLocator, cls).from_function(py_func, py_file) if chosen else None
-        )
-
-
 class _Places(CompileResultCacheImpl):
-    _locator_classes = [
-        _ChosenFolder,
-        UserProvidedCacheLocator,
-        InTreeCacheLocator,
-        UserWideCacheLocator,
-    ]
+    _locator_classes = [UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator]
 
 
 class _Files(IndexDataCacheFile):
@@ -125,9 +102,10 @@ class KernelCache(FunctionCache):
             log.warning("Compiled code cannot be kept in %s (%s).", self.cache_path, error)
 
 
-def compile_kernel(function: Callable[..., Any], fastmath: Any) -> Any:
-    """Return numba's dispatcher of a kernel, whose code is kept on disk."""
-    return keep_on_disk(njit(nogil=True, error_model="numpy", fastmath=fastmath)(function))
+def compile_kernel(function: Callable[..., Any], fastmath: Any, keep: bool = True) -> Any:
+    """Return numba's dispatcher of a kernel; `keep` its code on disk."""
+    kernel = njit(nogil=True, error_model="numpy", fastmath=fastmath)(function)
+    return keep_on_disk(kernel) if keep else kernel
 
 
 @typeof_impl.register(Kernel)

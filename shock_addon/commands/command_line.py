@@ -248,7 +248,6 @@ def _visualize(
     ending = Path(source).suffix.lower()
     if ending not in flows.ARRAYS and not files.is_image(source):
         return _visualize_meshes(source, target, look, options, progress)
-    kernels.choose_folder()
     kernels.load()
     if ending in flows.ARRAYS:
         flow = read_velocity(source, How(**flows.how_to_read(options)))
@@ -285,7 +284,6 @@ def _to_draw_on(source: str, options: argparse.Namespace) -> tuple[Any, tuple[in
     if size is None:
         with files.loaded_image(options.like) as image:
             size = image.size[1], image.size[0]
-    kernels.choose_folder()
     kernels.load()
     try:
         faces, _, skipped = data.image.textures.read_faces(bpy.context, objects, None, None)

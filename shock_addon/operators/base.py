@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 _HARDLY_SEEN = 0.01
 """A change of colors that is hardly visible."""
 
-_NOTICED = 0.5
-"""Seconds of compiling that are worth mentioning."""
-
 summaries: dict[str, str] = {}
 """The last report of each mode, or the error."""
 
@@ -234,7 +231,6 @@ class FilterOperator(ModalJob):
     def _prepare(self, context: bpy.types.Context) -> Task | None:
         # Reads; on the main thread.
         self._began = time.perf_counter()
-        self._compiled = kernels.seconds_compiling()
         with self._errors_reported(_FAILED):
             data.image.stand_in.put_away()
             _subjects[self.key] = data.chosen.subjects(context)
@@ -244,7 +240,6 @@ class FilterOperator(ModalJob):
             if self.targets:
                 task = self.task(settings)
                 self._findings = task.findings
-                kernels.choose_folder()
                 return task
             self.tell("ERROR", " ".join(self._skipped))
         return None
@@ -302,14 +297,12 @@ class FilterOperator(ModalJob):
             return {"CANCELLED"}
         _subjects[self.key] |= {each.data.session_uid for each in written}
         seconds = time.perf_counter() - self._began
-        compiling = kernels.seconds_compiling() - self._compiled
-        statistics.learn(self, seconds - compiling)
+        statistics.learn(self, seconds)
         if listener is not None:
             listener.counts = self.counts(written)
         parts = [
             self.summary(written, seconds),
             *self._remarks(written),
-            _said_of(compiling),
             self.notes(written),
             *skipped,
         ]
@@ -350,13 +343,6 @@ def _choices(target: Target, finding: Finding, scale: float) -> dict[str, Found]
             text = data.lengths.in_scene(value * edge) if edge > 0 else f"{value:.3g}"
             chosen[name] = Found(float(value), text)
     return chosen
-
-
-def _said_of(compiling: float) -> str:
-    if compiling < _NOTICED:
-        return ""
-    text = pgettext_rpt("Compiling took {seconds:.1f} s of it, which only first runs do.")
-    return text.format(seconds=compiling)
 
 
 def summary_of(context: bpy.types.Context, key: str) -> str:

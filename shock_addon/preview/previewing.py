@@ -18,7 +18,6 @@ from ..data.skipped import explain
 from ..modes import STEADY_STATE, Mode
 from ..operators.base import Progress, task_of
 from ..operators.properties import label, settings_of
-from ..running import kernels
 from ..running.jobs import Job
 
 _WIDTHS = 5
@@ -78,7 +77,6 @@ class Preview:
             start = math.inf if endless else getattr(parameters, self.dial)
             octaves = TIMES if is_time else _WIDTHS
             self._dial = dial_of(start, self._about[self.dial][2], octaves)
-        kernels.choose_folder()
         self._job: Job | None = None
         self._began = 0.0
         self._computing: SimpleNamespace | None = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs on a thread beside Blender's window: jobs, compiled kernels, preparing, the status bar.
+"""Runs on a thread beside Blender's window: jobs, compiled kernels, the status bar.
 
 May use `core`, and no operator.
 """

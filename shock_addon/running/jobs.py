@@ -13,7 +13,6 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from . import kernels
 from .status import StatusText
 
 Work = Callable[[Callable[[float, str], bool]], Any]
@@ -40,13 +39,15 @@ class Job:
     ----------
     fraction : float
         Progress, 0 to 1.
+    message : str
+        The current step.
     """
 
     def __init__(self, work: Work) -> None:
         from concurrent.futures import ThreadPoolExecutor
 
         self.fraction = 0.0
-        self._message = "Preparing"
+        self.message = "Preparing"
         self._cancelled = threading.Event()
         executor = ThreadPoolExecutor(1, thread_name_prefix="shock-filter-job")
         self._future = executor.submit(work, self._progress)
@@ -56,13 +57,8 @@ class Job:
 
     def _progress(self, fraction: float, message: str) -> bool:
         self.fraction = max(self.fraction, fraction)  # a bar never goes back
-        self._message = message or self._message
+        self.message = message or self.message
         return not self._cancelled.is_set()
-
-    @property
-    def message(self) -> str:
-        """The current step, as text."""
-        return "Preparing (compiles on first use)" if kernels.is_compiling() else self._message
 
     @property
     def done(self) -> bool:

@@ -19,7 +19,7 @@ from ..operators.filtering import operator_of
 from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
 from ..preview import painting
-from ..running import jobs, kernels, preparing
+from ..running import jobs, kernels
 from . import presets
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def draw_main(panel: Panel, context: bpy.types.Context) -> None:
     settings = panel.settings(context)
     _draw_job(layout, context, panel, mode)
     _draw_input(layout, context, mode, settings)
-    preparing.tab_is_seen()
+    kernels.tab_is_seen()
     obstacle = obstacles.of_mode(context, mode, settings)
     _draw_buttons(layout, context, mode, enabled=not obstacle)
     _draw_settings(panel, context, mode, settings)
@@ -44,7 +44,6 @@ def draw_main(panel: Panel, context: bpy.types.Context) -> None:
     problem = kernels.problem()
     if problem:
         draw_text(layout, context, problem, icon="ERROR")
-    _draw_preparing(layout)
     _draw_report(layout, context, mode, settings, obstacle)
 
 
@@ -328,14 +327,6 @@ def _draw_progress(layout: bpy.types.UILayout) -> None:
     row.scale_y = 1.5
     row.progress(factor=job.fraction, text=job.message)
     row.operator("shock_filter.cancel", text="", icon="X")
-
-
-def _draw_preparing(layout: bpy.types.UILayout) -> None:
-    """Show the progress of compiling, during which the buttons work."""
-    fraction = preparing.fraction()
-    if fraction is not None:
-        text = iface_("Preparing for first use: {fraction:.0%}").format(fraction=fraction)
-        layout.progress(factor=fraction, text=text)
 
 
 def _draw_value(column: bpy.types.UILayout, text: str, value: str) -> None:

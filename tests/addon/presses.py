@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A script: rehearses, runs all that the tab offers, and prints which kernels had new types then.
 
-Such kernels would be compiled after everything was said to be ready.
+The library in the extension's zip would lack such kernels.
 """
 
 import json

@@ -537,17 +537,6 @@ def test_progress_counts_targets_by_their_size():
     assert steps == pytest.approx([0.125, 0.25, 0.625, 1.0])
 
 
-def test_compiling_is_named_while_it_lasts(monkeypatch):
-    gate = threading.Event()
-    job = jobs.Job(lambda progress: gate.wait(60))
-    assert job.message == "Preparing"
-    monkeypatch.setattr(jobs.kernels, "_compiler", SimpleNamespace(depth=1))
-    assert job.message == "Preparing (compiles on first use)"
-    monkeypatch.undo()
-    gate.set()
-    job.wait()
-
-
 def test_the_bar_never_goes_back():
     shown = []
 

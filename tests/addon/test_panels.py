@@ -12,7 +12,7 @@ from shock_filter.shock_addon.flow import showing as flow_shown
 from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find, modes_of
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import keeping, linking, statistics
-from shock_filter.shock_addon.running import jobs, kernels, preparing
+from shock_filter.shock_addon.running import jobs, kernels
 from shock_filter.shock_addon.ui import menus, panels
 
 ABOUT = describe(GeometrySettings)
@@ -435,14 +435,6 @@ def test_the_panel_shows_the_progress(monkeypatch):
     _, *others = words(drawn, "operator")  # the first one cancels
     assert set(others) <= set(layout.gray)
     assert not {name for (name,) in others} & {"shock_filter.sharpen_geometry"}
-
-
-def test_the_panel_shows_how_far_kernels_are_compiled_and_has_its_buttons(monkeypatch):
-    buttons = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
-    monkeypatch.setattr(preparing, "fraction", lambda: 0.34)
-    drawn = draw(panels.SHOCK_FILTER_PT_main)
-    assert words(drawn, "progress") == ["Preparing for first use: 34%"]
-    assert words(drawn, "operator") == buttons
 
 
 def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):

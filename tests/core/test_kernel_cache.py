@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from shock_filter.core.base import cache_folder, kernel_cache
+from shock_filter.core.base import kernel_cache
 
 SOURCE = """
 from shock_filter.core.base.parallel import kernel
@@ -57,7 +57,6 @@ def factor():
 def module(tmp_path, monkeypatch):
     """Return a function that imports a module with a kernel anew, as another process would."""
     monkeypatch.setattr("numba.config.CACHE_DIR", "")
-    monkeypatch.setattr(cache_folder, "chosen", None)
     path = tmp_path / "doubling.py"
     path.write_text(SOURCE)
 
@@ -74,7 +73,6 @@ def module(tmp_path, monkeypatch):
 def package(tmp_path, monkeypatch):
     """Return a package's folder, and a function that imports it anew, as another process would."""
     monkeypatch.setattr("numba.config.CACHE_DIR", "")
-    monkeypatch.setattr(cache_folder, "chosen", None)
     monkeypatch.syspath_prepend(tmp_path)
     folder = tmp_path / "scaling"
     for name, text in PACKAGE.items():
@@ -219,10 +217,10 @@ def test_files_that_a_kernel_does_not_import_are_left_out_of_it(package):
     assert misses(after) == 0
 
 
-def test_compiled_code_goes_to_the_chosen_folder(package, tmp_path, monkeypatch):
+def test_compiled_code_goes_to_the_folder_of_the_environment(package, tmp_path, monkeypatch):
     folder, load = package
     chosen = tmp_path / "chosen"  # made when needed
-    monkeypatch.setattr(cache_folder, "chosen", str(chosen))
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(chosen))
     first = load()
     assert first(5) == 10
     assert list(chosen.rglob("scaled.*.nbc"))
@@ -230,13 +228,3 @@ def test_compiled_code_goes_to_the_chosen_folder(package, tmp_path, monkeypatch)
     after = load()
     assert after(5) == 10
     assert misses(after) == 0
-
-
-def test_the_environment_comes_before_the_chosen_folder(package, tmp_path, monkeypatch):
-    folder, load = package
-    monkeypatch.setattr(cache_folder, "chosen", str(tmp_path / "chosen"))
-    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "environment"))
-    assert load()(5) == 10
-    assert list((tmp_path / "environment").rglob("scaled.*.nbc"))
-    assert not (tmp_path / "chosen").exists()
-    assert not list(folder.rglob("*.nb[ic]"))

@@ -207,7 +207,9 @@ report["manual_is_there"] = all(
     Path(url2pathname(urlparse(url).path)).is_file() for url in report["manual"].values()
 )
 report["extension_after"] = files_below(installed_extension())
-report["places"] = {name: importlib.util.find_spec(name).origin for name in HEAVY}
+compiled = importlib.import_module(f"{MODULE}.core.base.compiled")
+report["kernels_at"] = importlib.util.find_spec(compiled.PACKAGE).origin
+report["heavy_in_use"] = [name for name in HEAVY if name in sys.modules]
 user_folder = Path(bpy.utils.extension_path_user(MODULE))
 report["user_folder"] = files_below(user_folder)
 if ZIP:

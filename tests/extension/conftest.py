@@ -43,7 +43,7 @@ def finish() -> Callable[[subprocess.Popen], str]:
 
     def end(process: subprocess.Popen) -> str:
         try:
-            output, _ = process.communicate(timeout=1500)  # compiles, beside other tests
+            output, _ = process.communicate(timeout=1500)  # beside other tests
         except subprocess.TimeoutExpired:
             process.kill()
             output, _ = process.communicate()

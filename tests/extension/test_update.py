@@ -59,13 +59,6 @@ def test_settings_presets_and_preferences_survive(reports, step):
     }
 
 
-def test_only_what_has_changed_is_compiled_anew(reports):
-    before, after = reports["install"]["used"], reports["update"]["used"]
-    assert after["folders"] == [f"kernels-{NEWER}"] != before["folders"]
-    same = {name for name, time in before["compiled"].items() if after["compiled"][name] == time}
-    assert same and same < before["compiled"].keys()
-
-
 def test_uninstalling_leaves_the_persons_own_only(reports):
     ours = [name for name in reports["downgrade"]["left"] if "shock_" in name]
     assert ours == [

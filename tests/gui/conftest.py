@@ -10,12 +10,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import build_extension
 import pytest
@@ -24,9 +22,7 @@ from publishing import publish_newer
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 420.0
-PREPARING_LIMIT = 1500.0  # compiles everything at low priority, beside other tests
-
-REQUIREMENTS = build_extension.REQUIREMENTS_IN_WINDOWS
+BUILDING_LIMIT = 1500.0  # of the zip, beside other tests
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -39,7 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave time for making a Blender; each of its processes has a limit of its own."""
     for item in items:
-        item.add_marker(pytest.mark.timeout(window_blender.MAKING_LIMIT + 2 * PREPARING_LIMIT))
+        item.add_marker(pytest.mark.timeout(window_blender.MAKING_LIMIT + BUILDING_LIMIT + LIMIT))
 
 
 def find_blender(config: pytest.Config) -> window_blender.WindowBlender:
@@ -73,14 +69,8 @@ def blender(request: pytest.FixtureRequest):
 @pytest.fixture(scope="session")
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder for all that Blender reads and writes, with the scenarios in it."""
-    return _new_work(tmp_path_factory.mktemp("blender"))
-
-
-def _new_work(folder: Path) -> Path:
+    folder = tmp_path_factory.mktemp("blender")
     (folder / "resources").mkdir()
-    if kernels := os.environ.get("SHOCK_FILTER_KERNELS"):  # see tests/extension/test_installed.py
-        extensions = folder / "resources" / "extensions"
-        shutil.copytree(kernels, extensions / ".user" / "user_default" / "shock_filter")
     shutil.copytree(Path(__file__).parent / "inside", folder / "inside")
     return folder
 
@@ -106,79 +96,47 @@ def versions(blender, work: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="session")
-def preparing(blender, work: Path, versions, tmp_path_factory) -> dict[str, dict]:
-    """Install, and let the extension compile its kernels by itself; return both scenarios' reports.
-
-    All others come after it, so that they find everything compiled. One worker does it, and the
-    others copy what it has made.
-    """
-    if "PYTEST_XDIST_WORKER" not in os.environ:
-        return _prepare(blender, work, versions["python"])
-    shared = tmp_path_factory.getbasetemp().parent
-    with _alone(shared / "preparing.lock"):
-        reports = shared / "prepared.json"
-        if not reports.exists():
-            made = _prepare(blender, work, versions["python"])
-            shutil.copytree(work / "resources", shared / "resources", symlinks=True)
-            reports.write_text(json.dumps(made), encoding="utf-8")
-            return made
-    shutil.rmtree(work / "resources")
-    shutil.copytree(shared / "resources", work / "resources", symlinks=True)
-    return json.loads(reports.read_text(encoding="utf-8"))
+def extension_zip(tmp_path_factory) -> Path:
+    """Return the extension's zip, which one worker builds."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    target = folder / "extension.zip"
+    with _alone(folder / "extension.lock"):
+        if not target.exists():
+            build_extension.build("linux-x64", target)
+    return target
 
 
-def _prepare(blender: Any, work: Path, python: str) -> dict[str, dict]:
-    done = _install(blender, work, python)
-    assert done.returncode == 0, done.stdout
-    names = ("preparing_interrupted", "preparing")
-    return {name: _play(blender, work, name, limit=PREPARING_LIMIT) for name in names}
-
-
-def _install(blender: Any, work: Path, python: str) -> subprocess.CompletedProcess[str]:
+@pytest.fixture(scope="session")
+def installed(blender, work: Path, extension_zip: Path) -> None:
     """Install and enable the extension's zip from the command line, as users do."""
-    _build(work / "extension.zip", python)
-    zip_seen = str(blender.seen(work) / "extension.zip")
+    shutil.copy(extension_zip, work)  # a link would lead out of Blender's system
+    zip_seen = str(blender.seen(work) / extension_zip.name)
     install = ["blender", "--command", "extension", "install-file", "-r", "user_default"]
-    return blender.run(work, *install, "--enable", zip_seen, limit=240.0)
-
-
-def _build(target: Path, python: str) -> None:
-    """Build the zip for the Python of the Blender to test in."""
-    known = {*REQUIREMENTS, *(series.python for series in build_extension.SERIES.values())}
-    if python not in known:
-        pytest.skip(
-            f"The window tests were not run: Blender's Python {python} has no entry in"
-            " REQUIREMENTS_IN_WINDOWS of tools/build_extension.py."
-        )
-    build_extension.build(
-        "linux-x64",
-        build_extension.Series(first="4.2.0", end=None, python=python),
-        REQUIREMENTS.get(python, build_extension.REQUIREMENTS),
-        target,
-    )
+    done = blender.run(work, *install, "--enable", zip_seen, limit=240.0)
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.fixture(scope="module")
-def fresh(blender, versions, tmp_path_factory) -> dict:
+def fresh(blender, extension_zip: Path, tmp_path_factory) -> dict:
     """Return the report of a person who has a release, and a Blender without the extension."""
     work = tmp_path_factory.mktemp("fresh")
     (work / "resources").mkdir()
     shutil.copytree(Path(__file__).parent / "inside", work / "inside")
-    _build(work / "extension.zip", versions["python"])
+    shutil.copy(extension_zip, work)  # a link would lead out of Blender's system
     for name in ("releases", "newer"):
         (work / name).mkdir()
-    shutil.copy(
-        work / "extension.zip", work / "releases"
-    )  # a link would lead out of Blender's system
+    shutil.copy(extension_zip, work / "releases")
     build_extension.make_repository(work / "releases")
     publish_newer(work / "extension.zip", work / "newer")
     return _play(blender, work, "installing")
 
 
 @pytest.fixture(scope="session")
-def play(blender, work: Path, preparing, versions, request) -> Callable[[str], dict]:
+def play(blender, work: Path, installed, versions, request) -> Callable[[str], dict]:
     """Return a function that runs a scenario in Blender, once, and returns its report."""
-    reports: dict[str, dict] = dict(preparing)
+    reports: dict[str, dict] = {}
 
     def play_once(name: str) -> dict:
         if name not in reports:
@@ -191,14 +149,14 @@ def play(blender, work: Path, preparing, versions, request) -> Callable[[str], d
     return play_once
 
 
-def _play(blender, work: Path, name: str, limit: float = LIMIT, keep: bool = False) -> dict:
+def _play(blender, work: Path, name: str, keep: bool = False) -> dict:
     (work / name).mkdir()
     seen = blender.seen(work)
     window = ["--window-geometry", "0", "0", "1600", "900"]
     script = ["--python-exit-code", "1", "--python", str(seen / "inside" / "play.py")]
     targets = [name, str(seen / name / "report.json"), str(seen / name)]
     targets += ["kept"] if keep else []
-    done = blender.run(work, "blender", *window, *script, "--", *targets, screen=True, limit=limit)
+    done = blender.run(work, "blender", *window, *script, "--", *targets, screen=True, limit=LIMIT)
     path = work / name / "report.json"
     report = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     report.update(code=done.returncode, output=done.stdout)

@@ -19,7 +19,6 @@ GUARDED = {
     ("core/base/parallel.py", "sched_getaffinity"),  # except AttributeError
     ("core/files/staging.py", "O_NOFOLLOW"),  # after the import of fcntl
     ("core/files/staging.py", "fcntl"),  # except ImportError
-    ("core/rehearsal/alone.py", "nice"),  # hasattr
 }
 
 

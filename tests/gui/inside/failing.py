@@ -71,7 +71,7 @@ def break_preview() -> Steps:
     run("preview")
     (session,) = preview._running
     place = region("VIEW_3D")
-    for _ in range(60):  # seconds: the first result may need kernels to be compiled
+    for _ in range(60):  # seconds: a busy Blender is slow
         yield DRAWN
         if session._preview.updates:
             break

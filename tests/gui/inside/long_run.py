@@ -31,7 +31,7 @@ TICK = 0.02
 def scenario() -> Steps:
     """Run to the end once, then cancel at several moments, by key and by mouse."""
     scene.clear()
-    scene.add_monkey("Monkey", 1)  # compiles
+    scene.add_monkey("Monkey", 1)  # loads the kernels
     run("sharpen_geometry")
     yield from finished()
     scene.clear()

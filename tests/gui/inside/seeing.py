@@ -177,7 +177,7 @@ def drag(x: float, y: float) -> Steps:
     for step in range(11):
         move(x + 12 * step, y)
         yield 0.2
-    for _ in range(60):  # seconds: the first result may need kernels to be compiled
+    for _ in range(60):  # seconds: a busy Blender is slow
         if state() != before:
             break
         yield DRAWN

@@ -219,8 +219,8 @@ def drag(x: float, y: float, pixels_right: int) -> Steps:
 
 
 def drawn(before: np.ndarray) -> Steps:
-    """Wait until a result is seen: the first one may need kernels to be compiled."""
-    for _ in range(240):
+    """Wait until a result is seen."""
+    for _ in range(60):
         if different(before, image_seen()) > 200:
             break
         yield DRAWN

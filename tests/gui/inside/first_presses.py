@@ -1,39 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels are compiled while nobody does anything; then each button is pressed once."""
+"""A session after installing: each button is pressed for the first time."""
 
 import sys
 import time
-from collections import Counter
 
 import bpy
 import scene
-from harness import MODULE, Steps, addon, area, finished, open_tab, over, picture, report
-from preparing_interrupted import begun
-
-LIMIT = 700.0
+from harness import Steps, area, finished, open_tab, over, report
 
 _OF_IMAGES = ("texture", "textures", "image")
 
 
 def scenario() -> Steps:
-    """Wait until everything is ready, and press each button once."""
-    report["began"] = yield from begun()
-    began = time.monotonic()
+    """Open the tab, and press each button once."""
     scene.clear()
     monkey = scene.add_monkey("Monkey", 2)
     add_texture(monkey)
     scene.look()
     yield from open_tab()
-    picture("preparing", area("VIEW_3D"))
-    fractions = report["fractions"] = []
-    while (fraction := addon("running.preparing").fraction()) is not None:
-        if time.monotonic() - began > LIMIT:
-            raise TimeoutError(f"{fraction:.0%} were compiled.")
-        fractions.append(fraction)
-        yield 1.0
-    report["seconds"] = time.monotonic() - began
-    yield from finished()  # until it is loaded
+    yield from finished()  # the kernels are loaded
     yield from presses()
+    report["numba"] = "numba" in sys.modules
 
 
 def presses() -> Steps:
@@ -46,25 +33,14 @@ def presses() -> Steps:
     presses = [(name, {"image": "Coat"} if name.endswith(_OF_IMAGES) else {}) for name in operators]
     for operator, words in presses + generated:
         small = {"image_size": "256", "pattern_steps": 50} if operator == "generate" else {}
-        before = compiled()
         began = time.perf_counter()
         with over("VIEW_3D"):
             result = getattr(bpy.ops.shock_filter, operator)(**words, **small)
-        seconds = time.perf_counter() - began
         report["_".join([operator, *words.values()] if small else [operator])] = {
             "result": sorted(result),
-            "seconds": seconds,
-            "compiled": sorted((compiled() - before).elements()),
+            "seconds": time.perf_counter() - began,
         }
         yield 0.2
-
-
-def compiled() -> Counter[str]:
-    """Count, by kernels, what was compiled in this session because it was not on disk."""
-    rehearsal = sys.modules.get(f"{MODULE}.core.rehearsal.rehearse")
-    kernels = rehearsal.imported_kernels() if rehearsal else ()
-    counts = {kernel.__name__: sum(kernel.stats.cache_misses.values()) for kernel in kernels}
-    return Counter(counts)
 
 
 def add_texture(obj: bpy.types.Object) -> None:

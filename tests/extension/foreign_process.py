@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One Blender process that sharpens an image with the installed extension.
 
-Run as ``python cache_process.py RESOURCES REPORT [--install ZIP | --before FOLDER]``: RESOURCES is
-Blender's folder for the user's files, REPORT the JSON file to write. With --install, the extension
-is installed and not used; with --before, Python looks for modules in FOLDER first.
+Run as ``python foreign_process.py RESOURCES REPORT [--install ZIP | --before FOLDER]``: RESOURCES
+is Blender's folder for the user's files, REPORT the JSON file to write. With --install, the
+extension is installed and not used; with --before, Python looks for modules in FOLDER first.
 """
 
 import argparse
-import hashlib
 import importlib
 import json
 import os
@@ -39,9 +38,7 @@ def sharpen() -> dict[str, object]:
         result = bpy.ops.shock_filter.sharpen_image(image="Noise", output="REPLACE", time=16.0)
     except RuntimeError as error:
         return {"result": [], "said": str(error)}
-    pixels = np.empty(32 * 24 * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    return {"result": sorted(result), "pixels": hashlib.sha256(pixels).hexdigest(), "said": ""}
+    return {"result": sorted(result), "said": ""}
 
 
 report: dict[str, object] = {}
@@ -57,8 +54,6 @@ else:
         sys.path.insert(0, arguments.before)
     report = sharpen()
     report["problem"] = kernels.problem()
-    cache = importlib.import_module(f"{MODULE}.core.base.cache_folder")
-    report["folder"] = cache.chosen
 # Classes left at exit crash or hang old versions. Were the extension taken out of the preferences,
 # too, Blender would remove its libraries, under the feet of a process at work.
 addon_utils.disable(MODULE)

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""After installing, each button works at once: nothing is compiled."""
+
+import pytest
+
+OPERATORS = [
+    "sharpen_geometry",
+    "denoise",
+    "sharpen_colors",
+    "sharpen_texture",
+    "filter_texture",
+    "stitch_textures",
+    "dilate_texture",
+    "sharpen_image",
+    "denoise_image",
+    "denoise_texture",
+    "generate_distance",
+    "generate_streaks",
+    "generate_pattern",
+]
+
+
+@pytest.fixture(scope="module")
+def report(play):
+    return play("first_presses")
+
+
+def test_scenario_ran_to_its_end(report):
+    assert report["code"] == 0, report["output"]
+    assert report.get("ended"), report["said"]
+    assert "Traceback" not in report["output"]
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_the_first_press_works(report, operator, capsys):
+    seen = report[operator]
+    with capsys.disabled():
+        print(f"\nfirst {operator}: {seen['seconds']:.2f} s")
+    assert seen["result"] == ["FINISHED"]
+
+
+def test_nothing_that_compiles_is_loaded(report):
+    assert not report["numba"]
