@@ -162,15 +162,16 @@ class Kernel:
         entry = found.find(self.name, names) if found is not None else None
         if found is not None and entry is not None:
             call: Any = _Call(self.name, arguments, *entry, found.free)
-        elif importlib.util.find_spec("numba"):
-            call = _NumbaCall(self.dispatcher)
         else:
-            raise KernelMissing(
-                "No kernel {name} was compiled for the types {types}: install numba, and report"
-                " this as a bug of Shock Filter.",
-                name=self.name,
-                types=", ".join(names),
-            )
+            try:
+                call = _NumbaCall(self.dispatcher)
+            except ImportError:
+                raise KernelMissing(
+                    "No kernel {name} was compiled for the types {types}: install numba, and report"
+                    " this as a bug of Shock Filter.",
+                    name=self.name,
+                    types=", ".join(names),
+                ) from None
         self._calls[types] = call
         return call
 

@@ -8,6 +8,7 @@ import sys
 
 import bpy
 import pytest
+from shock_filter.core.base import compiled
 from shock_filter.shock_addon.modes import MODES
 from shock_filter.shock_addon.operators.filtering import operator_of
 
@@ -166,12 +167,16 @@ def test_what_is_missing_is_named_before_and_after_the_first_run(blender):
     assert not moved
 
 
-def test_a_library_that_fails_to_load_is_named_with_its_reason(blender, tmp_path):
-    (tmp_path / "numba.py").write_text("raise ImportError('numba needs an older numpy')")
-    known_before, said, known_after, moved = blender(f"sys.path.insert(0, {str(tmp_path)!r})" + TRY)
-    assert known_before == ""
-    assert "cannot be loaded (numba needs an older numpy): " in known_after
-    assert "install the Shock Filter zip" in known_after
+def test_a_library_that_does_not_fit_is_named_with_its_reason(blender, tmp_path):
+    package = tmp_path / compiled.PACKAGE
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "kernels.json").write_text('{"sources": "of another version"}')
+    code = f"sys.path.insert(0, {str(tmp_path)!r}); sys.modules['numba'] = None"
+    known_before, said, known_after, moved = blender(code + TRY)
+    assert "cannot be loaded (" in known_before
+    assert f"{package}: it was built from other sources): install the " in known_before
+    assert known_after == known_before
     assert known_after in said
     assert not moved
 

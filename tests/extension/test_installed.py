@@ -94,6 +94,7 @@ def test_operators_remove_noise(first, second, what):
 
 def test_kernels_come_from_the_extensions_own_wheel(first):
     assert "/extensions/.local/lib/" in first["kernels_at"]
+    assert first["heavy_in_use"] == []
 
 
 def test_right_click_leads_into_the_extensions_own_manual(first, second):

@@ -66,7 +66,7 @@ def library(harvest, tmp_path_factory):
 def kernels(library, monkeypatch):
     """Return the toy kernels as they are where numba is missing."""
     monkeypatch.setattr(compiled, "library", lambda: library)
-    monkeypatch.setattr(compiled.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, f"{compiled.__package__}.kernel_cache", None)
     return {
         kernel.__name__: compiled.Kernel(kernel.py_func, False)
         for kernel, _ in toy_kernels.calls()
