@@ -314,7 +314,8 @@ def _share(mesh: TriangleMesh, held: Bools) -> Floats:
     there = mesh.twins.reshape(-1)[here] // 3
     count, labels = connected_components(mesh.face_count, here // 3, there)
     areas = np.bincount(labels, mesh.areas, count)
-    return (areas / (areas + _TINY))[labels] ** 2
+    shares: Floats = areas / (areas + _TINY)
+    return shares[labels] ** 2
 
 
 def _bends(mesh: TriangleMesh, degrees: float) -> Bools:
