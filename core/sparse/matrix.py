@@ -181,7 +181,7 @@ def product(a: Sparse, b: Sparse) -> Sparse:
     def most(start: int, stop: int) -> int:
         return int(lengths[a.columns[a.start[start] : a.start[stop]]].sum())
 
-    columns = b.columns.view(np.uint32)  # indices without a sign are quicker
+    columns = b.columns.view(np.uint32)
     given = *a[:3], b.start, columns, b.values
     return _by_rows((a.shape[0], b.shape[1]), most, _multiply_rows, *given)
 
@@ -197,8 +197,8 @@ def applied(matrix: Sparse, x: npt.NDArray[np.floating]) -> npt.NDArray[np.float
         return applied(matrix, x[:, None])[:, 0]
     given = np.ascontiguousarray(x, dtype=matrix.values.dtype)
     out = np.empty((matrix.shape[0], x.shape[1]), dtype=matrix.values.dtype)
-    run(_apply, matrix.shape[0], matrix.start, matrix.columns.view(np.uint32), matrix.values, given,
-        out)  # fmt: skip
+    columns = matrix.columns.view(np.uint32)  # indices without a sign are quicker
+    run(_multiply_vectors, len(out), matrix.start, columns, matrix.values, given, out)
     return out
 
 
@@ -386,7 +386,7 @@ def _add_rows(
 
 
 @kernel
-def _apply(start, stop, row_start, columns, values, x, out):
+def _multiply_vectors(start, stop, row_start, columns, values, x, out):
     for row in range(start, stop):
         for j in range(x.shape[1]):
             total = values.dtype.type(0)

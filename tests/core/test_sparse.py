@@ -288,8 +288,10 @@ def test_what_is_not_positive_definite_has_no_positive_factors():
 def test_zeros_on_one_side_only_do_no_harm():
     matrix, _ = laplacian(*graphs()["strip"])
     lopsided = (own.rows_of(matrix) == 7) & (matrix.columns == 8)
-    values = np.where(lopsided, 0.0, matrix.values)
-    factors, _ = factored(matrix._replace(values=values))
-    assert np.isfinite(factors.values).all()
-    factors, _ = factored(own.with_entries(matrix, ~lopsided))
-    assert np.isfinite(factors.values).all()
+    lopsided |= (own.rows_of(matrix) == 80) & (matrix.columns == 79)
+    zeros = matrix._replace(values=np.where(lopsided, 0.0, matrix.values))
+    for given in (zeros, own.with_entries(matrix, ~lopsided)):
+        spoilt = [np.full(100_000, np.nan) for _ in range(30)]  # what new arrays may hold
+        del spoilt
+        factors, _ = factored(given)
+        assert (abs(factors.values) < 10).all()
