@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix, diags_array
 
 from ..base.parallel import kernel, run
 from ..base.progress import ask
 from ..mesh.triangle_mesh import Ints
+from ..sparse.matrix import Sparse, added, applied, diagonal_matrix, from_triples, row_sums
 from .atlas import TextureAtlas
 from .ghosts import chart_of, nearest_nodes
 from .sheet import NOTHING, ROWS, Sheet
@@ -146,23 +146,23 @@ def _squares(sheet: Sheet, labels: Ints, side: int) -> Squares:
     return Squares(side, starts, found, owners, counts)
 
 
-def _walk(squares: Squares, sheet: Sheet, nearest: Ints) -> csr_matrix:
+def _walk(squares: Squares, sheet: Sheet, nearest: Ints) -> Sparse:
     """The share that each square gives itself and others in a pass; rows add up to 1."""
     owners = squares.owners
     beyond = np.where(nearest >= 0, owners.reshape(-1)[nearest], NOTHING).reshape(owners.shape)
     one, other = _contacts(owners, beyond)
     n = len(squares.labels)
-    contacts = csr_matrix((np.full(len(one), squares.side, np.float64), (one, other)), (n, n))
-    walk = (contacts + diags_array(np.maximum(squares.counts, 1).astype(np.float64))).tocsr()
-    walk.data /= np.repeat(np.asarray(walk.sum(axis=1)).ravel(), np.diff(walk.indptr))
-    return walk.astype(np.float32)
+    contacts = from_triples(one, other, np.full(len(one), float(squares.side)), (n, n))
+    walk = added(contacts, diagonal_matrix(np.maximum(squares.counts, 1).astype(np.float64)))
+    shares = walk.values / np.repeat(row_sums(walk), np.diff(walk.start))
+    return walk._replace(values=shares.astype(np.float32))
 
 
-def _walked(walk: csr_matrix, values: Singles, passes: int) -> Singles:
+def _walked(walk: Sparse, values: Singles, passes: int) -> Singles:
     each = np.ascontiguousarray(values.T)
     for number in range(passes):
         ask(number / passes)
-        each = walk @ each
+        each = applied(walk, each)
     return np.ascontiguousarray(each.T)
 
 

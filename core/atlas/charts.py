@@ -11,14 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..base.parallel import kernel, run
 from ..base.progress import ask, phase
 from ..base.vectors import after
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
+from ..sparse.components import connected_components
 
 MOST_REPEATS = 16.0
 """Largest total area of the faces in the texture, in areas of the image."""
@@ -80,10 +79,8 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
         run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
     ask()
     joints = np.flatnonzero(~seams)
-    links = joints // 3, mesh.twins.reshape(-1)[joints] // 3
-    shape = mesh.face_count, mesh.face_count
-    graph = csr_matrix((np.ones(len(joints), dtype=np.bool_), links), shape=shape)
-    count, labels = connected_components(graph, directed=False)  # numbered by first faces
+    beyond = mesh.twins.reshape(-1)[joints] // 3
+    count, labels = connected_components(mesh.face_count, joints // 3, beyond)
     ask()
     order = np.argsort(labels, kind="stable")
     first = np.searchsorted(labels[order], np.arange(count))

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import distance_transform_edt
 
 from ..base.checks import SCALES
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import phase
+from ..grid.nearest import nearest_marked
 from ..mesh.triangle_mesh import Ints
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
@@ -182,9 +182,7 @@ def _find_gutter(
 
 def _nearest_filled(filled: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     # Texels that are not written, and the nearest ones that are.
-    rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
-    nearest = np.ravel_multi_index((rows[~filled], columns[~filled]), filled.shape)
-    return np.stack([np.flatnonzero(~filled), nearest])
+    return np.stack([np.flatnonzero(~filled), nearest_marked(filled)[~filled]])
 
 
 def _nearest_borders(atlas: TextureAtlas, filled: npt.NDArray[np.bool_], reach: float) -> _Borders:

@@ -10,13 +10,22 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix, identity
 
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask
 from ..linear.cg import solve
 from ..linear.system import LinearSystem
+from ..sparse.matrix import (
+    added,
+    applied,
+    diagonal_matrix,
+    from_triples,
+    in_double,
+    in_order,
+    product,
+    transposed,
+)
 from .atlas import TextureAtlas
 from .metric import open_places
 from .sheet import NOTHING, ROWS
@@ -56,11 +65,14 @@ class SeamFit:
         ask()
         known = columns >= 0
         rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
-        entries = self._weights[known], (rows[known], columns[known])
-        self._reading = csr_matrix(entries, shape=(len(columns), len(free)))
+        entries = rows[known], columns[known], self._weights[known]
+        reading = from_triples(*entries, (len(columns), len(free)))
         ask()
-        normal = (self._reading.T @ self._reading).tocsr()
-        self._system = LinearSystem.from_csr(normal + _HOLD * identity(normal.shape[0]))
+        back = transposed(reading)
+        normal = in_double(in_order(product(back, reading)))
+        self._back = in_double(back)
+        held = added(normal, diagonal_matrix(np.full(len(free), _HOLD)))
+        self._system = LinearSystem.from_csr(held)
 
     def apply(self, values: npt.NDArray[np.float32], step: float) -> None:
         """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
@@ -97,7 +109,7 @@ class SeamFit:
         # min |A x - wanted|^2 + hold |x|^2 for all columns at once.
         message = "Filling the gutter"
         with aside(message):
-            rhs = self._reading.T @ wanted
+            rhs = applied(self._back, wanted)
             return solve(self._system, rhs, _TOLERANCE, message=message)[0]
 
 

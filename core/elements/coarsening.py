@@ -10,12 +10,20 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
 
 from ..atlas.sheet import ROWS
 from ..base.parallel import kernel, run, sum_kernel
 from ..base.progress import ask
 from ..mesh.triangle_mesh import Floats, Ints
+from ..sparse.matrix import (
+    added,
+    couplings_of,
+    diagonal_matrix,
+    from_triples,
+    product,
+    row_sums,
+    transposed,
+)
 from .sheet_matrix import LOOSE, NONE, BlockRows, SheetMatrix
 
 _KEPT = 4
@@ -126,23 +134,14 @@ def _coarsen_seam(
     held = (parents >= 0) & used[:, None]
     coarse, place = np.unique(parents[held], return_inverse=True)
     n = len(parents)
-    prolongation = scipy.sparse.csr_matrix(
-        (shares[held], (np.nonzero(held)[0], place)), shape=(n, len(coarse))
-    )
+    prolongation = from_triples(np.nonzero(held)[0], place, shares[held], (n, len(coarse)))
     ask()
-    couplings = scipy.sparse.csr_matrix((values, (of, to)), shape=(n, n))
-    couplings = couplings - scipy.sparse.diags(couplings.sum(axis=1).A1)
+    couplings = from_triples(of, to, values, (n, n))
+    couplings = added(couplings, diagonal_matrix(row_sums(couplings)), -1.0)
     ask()
-    product = (prolongation.T @ (couplings @ prolongation)).tocsr()
-    product.setdiag(0.0)
-    product.eliminate_zeros()
-    product.sort_indices()
-    return (
-        coarse.astype(np.int32),
-        product.indptr.astype(np.int32),
-        product.indices.astype(np.int32),
-        product.data,
-    )
+    coarser = product(transposed(prolongation), product(couplings, prolongation))
+    start, columns, values, _ = couplings_of(coarser)
+    return coarse.astype(np.int32), start, columns, values
 
 
 @kernel

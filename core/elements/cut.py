@@ -22,8 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
-from scipy.sparse.csgraph import connected_components
 
 from ..atlas.atlas import TextureAtlas
 from ..atlas.charts import degenerate_faces
@@ -35,6 +33,8 @@ from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import aside, ask
 from ..base.vectors import after
 from ..mesh.triangle_mesh import Ints
+from ..sparse.components import connected_components
+from ..sparse.matrix import Sparse, from_triples, product
 
 NODE, VERTEX, SEAM, CROSSING = range(4)
 """Kinds of points."""
@@ -130,7 +130,7 @@ class CutCells(NamedTuple):
     unknowns : (s,) int32
         Flat numbers of the free points, ascending: of nodes row times columns plus column; all
         others follow the sheet's nodes in order.
-    interpolation : (points, s) csr_matrix
+    interpolation : (points, s) Sparse
         Interpolates the values of all points from those of the free ones.
     free : (s,) int64
         The free points, in the order of `unknowns` and of the interpolation's columns.
@@ -143,7 +143,7 @@ class CutCells(NamedTuple):
     pieces: Pieces
     kinds: npt.NDArray[np.int64]
     unknowns: Ints
-    interpolation: scipy.sparse.csr_matrix
+    interpolation: Sparse
     free: npt.NDArray[np.int64]
     hidden: npt.NDArray[np.int64]
 
@@ -311,10 +311,7 @@ def _corner_points(faces: Ints, metric: AtlasMetric) -> Ints:
     edges = np.flatnonzero(ways.twins.reshape(-1) >= 0)
     edges = edges[open_places(ways, edges, np.full(len(edges), 1e-6))]
     g, j = np.divmod(ways.twins.reshape(-1)[edges], 3)
-    count = faces.size
-    links = np.ones(len(edges), dtype=np.bool_), (edges, 3 * g + (j + 1) % 3)
-    graph = scipy.sparse.csr_matrix(links, shape=(count, count))
-    _, labels = connected_components(graph, directed=False)
+    _, labels = connected_components(faces.size, edges, 3 * g + (j + 1) % 3)
     return labels.reshape(-1, 3)
 
 
@@ -743,16 +740,21 @@ def _interpolation(
     tied: npt.NDArray[np.int64],
     shares: Floats,
     nodes: int,
-) -> tuple[Ints, scipy.sparse.csr_matrix, npt.NDArray[np.int64]]:
+) -> tuple[Ints, Sparse, npt.NDArray[np.int64]]:
     count = len(kinds)
     is_tied = tied[:, 0] >= 0
     free, ties = np.flatnonzero(~is_tied), np.flatnonzero(is_tied)
     rows = np.concatenate([free, ties, ties])
     columns = np.concatenate([free, tied[ties, 0], tied[ties, 1]])
     weights = np.concatenate([np.ones(len(free)), 1.0 - shares[ties], shares[ties]])
-    step = scipy.sparse.csr_matrix((weights, (rows, columns)), shape=(count, count))
+    step = from_triples(rows, columns, weights, (count, count))
+    number = np.full(count, -1, dtype=np.int32)
+    number[free] = np.arange(len(free), dtype=np.int32)
+    columns = number[columns]
+    held = columns >= 0
+    last = from_triples(rows[held], columns[held], weights[held], (count, len(free)))
     # Two steps: crossings depend on seam points, and these on free ones.
-    interpolation = (step @ step)[:, free].tocsr()
+    interpolation = product(step, last)
     # Names are sorted: nodes come first.
     own = kinds[free] == NODE
     unknowns = np.where(own, which[free], nodes + np.cumsum(~own) - 1)

@@ -21,8 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
-from scipy.sparse.csgraph import connected_components
 
 from ..atlas.atlas import TextureAtlas
 from ..atlas.sheet import NOTHING, ROWS, faces_by_rows, span
@@ -31,6 +29,8 @@ from ..base.parallel import kernel, run, sum_kernel
 from ..base.progress import aside, ask
 from ..base.vectors import after
 from ..mesh.triangle_mesh import Ints
+from ..sparse.components import connected_components
+from ..sparse.matrix import Sparse, applied, couplings_of, from_triples, product, transposed
 from .cut import NODE, CutCells, find_cut_cells, tempered_jacobians
 from .sheet_matrix import SheetMatrix
 
@@ -175,9 +175,7 @@ class TextureSpace:
         pieces = cut.pieces
         own = np.repeat(charts.labels[pieces.faces], np.diff(pieces.start))
         count, points = len(charts.boxes), len(cut.kinds)
-        links = np.ones(len(own), dtype=np.bool_), (own, count + pieces.points)
-        graph = scipy.sparse.csr_matrix(links, shape=2 * (count + points,))
-        _, parts = connected_components(graph, directed=False)
+        _, parts = connected_components(count + points, own, count + pieces.points)
         found = np.full(self.size, NOTHING, dtype=np.int32)
         labels = self.labels.reshape(-1)
         found[: labels.size] = np.where(labels >= 0, parts[labels], NOTHING)
@@ -213,10 +211,10 @@ class TextureSpace:
         unknowns = self.cut_cells.unknowns
         screens[unknowns] += (screen * masses).astype(np.float32)
         return SheetMatrix(
-            stencil, self.labels, screens, unknowns, seam.indptr, seam.indices, seam.data
+            stencil, self.labels, screens, unknowns, seam.start, seam.columns, seam.values
         )
 
-    def _assemble_pieces(self, screen: float) -> tuple[scipy.sparse.csr_matrix, Floats]:
+    def _assemble_pieces(self, screen: float) -> tuple[Sparse, Floats]:
         # The couplings of seam unknowns, and their masses.
         pieces, interpolation = self.cut_cells.pieces, self.cut_cells.interpolation
         sizes = np.diff(pieces.start)
@@ -226,20 +224,23 @@ class TextureSpace:
         with aside("Assembling"):
             run(_assemble_fans, len(sizes), pieces, self.fans, first, screen, i, j, entries, masses)
         count = interpolation.shape[0]
-        local = scipy.sparse.csr_matrix((entries, (i, j)), shape=(count, count))
+        local = from_triples(i, j, entries, (count, count))
         ask()
-        matrix = (interpolation.T @ (local @ interpolation)).tocsr()
+        matrix = product(self._to_free, product(local, interpolation))
         ask()
-        matrix.setdiag(0.0)
-        matrix.eliminate_zeros()
-        matrix.sort_indices()
         at_points = np.bincount(pieces.points, weights=masses, minlength=count)
-        return matrix, np.maximum(interpolation.T @ at_points, _LEAST_MASS)
+        at_free = applied(self._to_free, at_points.astype(np.float64))
+        return couplings_of(matrix), np.maximum(at_free, _LEAST_MASS)
+
+    @cached_property
+    def _to_free(self) -> Sparse:
+        # Adds up values of all points at the free ones.
+        return transposed(self.cut_cells.interpolation)
 
     def at_corners(self, values: _Single) -> Floats:
         """Evaluate vectors (n, c) at the corners of the pieces: (v, c)."""
         cut = self.cut_cells
-        return (cut.interpolation @ values[cut.unknowns].astype(np.float64))[cut.pieces.points]
+        return applied(cut.interpolation, values[cut.unknowns])[cut.pieces.points]
 
     def apply_stiffness(
         self, values: _Single, weights: CellWeights | None = None, corners: Floats | None = None
@@ -265,7 +266,7 @@ class TextureSpace:
             run(_apply_fan_stiffness, len(cut.pieces.faces), cut.pieces.start, self.fans,
                 weights.pieces, given, found)  # fmt: skip
         at_points = self._sum_at_points(found)
-        result[cut.unknowns] += (cut.interpolation.T @ at_points).astype(np.float32)
+        result[cut.unknowns] += applied(self._to_free, at_points).astype(np.float32)
         return result
 
     def _sum_at_points(self, at_corners: Floats) -> Floats:

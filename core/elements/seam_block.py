@@ -6,18 +6,14 @@ This is the domain decomposition of paper B (section 6.2): smoothing alone leave
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-import numpy.typing as npt
-import scipy.sparse
-import scipy.sparse.linalg
 
 from ..base.checks import Floats
 from ..base.parallel import kernel, run, sum_kernel
-from ..base.progress import ask
 from ..linear.multigrid import Multigrid
 from ..mesh.triangle_mesh import Ints
+from ..sparse.factors import Factors, factored
+from ..sparse.matrix import Sparse, added, diagonal_matrix, from_triples
 from .sheet_matrix import BlockRows, Singles, require_positive
 
 MOST = 1 << 19
@@ -48,16 +44,17 @@ class SeamBlock:
     def __init__(self, rows: BlockRows, number: Ints) -> None:
         self._rows = rows
         self._place = np.arange(len(rows.unknowns), dtype=np.int32)
-        self._factors: _Factors | None = None
+        self._factors: Factors | None = None
         self._hierarchy: Multigrid | None = None
         if len(rows.unknowns) > MOST:
             self._inverse_root = 1.0 / np.sqrt(rows.diagonal)
             matrix = _inner(rows, number, self._inverse_root)
-            csr = matrix.indptr, matrix.indices.view(np.uint32), matrix.data
+            csr = matrix.start, matrix.columns.view(np.uint32), matrix.values
             self._hierarchy = Multigrid(csr, self._inverse_root)
         elif len(rows.unknowns):
-            matrix = _inner(rows, number) + scipy.sparse.diags(rows.diagonal)
-            self._factors, self._place = _factored(matrix.tocsc())
+            matrix = added(_inner(rows, number), diagonal_matrix(rows.diagonal))
+            self._factors, self._place = factored(matrix)
+            require_positive(self._factors.diagonal)
 
     def solve(self, b: Singles, x: Singles) -> None:
         """Solve for the block's unknowns in `x` while all others are fixed: (c, n)."""
@@ -74,49 +71,16 @@ class SeamBlock:
         run(_scatter, n, self._rows.unknowns, self._place, y, x, chunk=_CHUNK)
 
 
-class _Factors(NamedTuple):
-    # L by columns, without its diagonal of ones.
-    start: npt.NDArray[np.int32]
-    below: npt.NDArray[np.int32]
-    values: Floats
-    diagonal: Floats
-
-
-def _inner(rows: BlockRows, number: Ints, scale: Floats | None = None) -> scipy.sparse.csr_matrix:
+def _inner(rows: BlockRows, number: Ints, scale: Floats | None = None) -> Sparse:
     # The couplings within the block as a matrix, optionally scaled from both sides.
     n = len(rows.unknowns)
     to = number[rows.columns]
     entries = np.flatnonzero(to >= 0)
-    of = np.repeat(np.arange(n), np.diff(rows.start))[entries]
+    of = np.repeat(np.arange(n, dtype=np.int32), np.diff(rows.start))[entries]
     to, values = to[entries], rows.values[entries]
     if scale is not None:
         values = values * scale[of] * scale[to]
-    return scipy.sparse.csr_matrix((values, (of, to)), shape=(n, n))
-
-
-def _factored(matrix: scipy.sparse.csc_matrix) -> tuple[_Factors, Ints]:
-    # Also returns the place of each unknown in the factors.
-    ask()
-    try:
-        factors = scipy.sparse.linalg.splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError:  # it is singular
-        require_positive(np.zeros(1))
-    ask()
-    diagonal = factors.U.diagonal()
-    require_positive(diagonal)
-    require_positive(factors.perm_r == factors.perm_c)  # otherwise a pivot was 0
-    # scipy's solve takes four times as long as ours.
-    lower = factors.L
-    of = np.repeat(np.arange(matrix.shape[0]), np.diff(lower.indptr))
-    entries = np.flatnonzero(lower.indices != of)
-    start = np.searchsorted(entries, lower.indptr).astype(np.int32)
-    place = factors.perm_r.astype(np.int32)
-    return _Factors(start, lower.indices[entries], lower.data[entries], diagonal), place
+    return from_triples(of, to, values, (n, n))
 
 
 @kernel

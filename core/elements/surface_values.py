@@ -11,6 +11,7 @@ from ..atlas.sheet import NOTHING
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import aside
+from ..sparse.matrix import applied, with_rows
 from .matrices import TextureSpace
 
 _Single = npt.NDArray[np.float32]
@@ -137,7 +138,7 @@ def sheet_values(space: TextureSpace, values: _Single, sheet: _Single) -> None:
     flat = sheet.reshape(-1, sheet.shape[2])
     run(_copy_nodes, len(flat), space.labels.reshape(-1), values, flat)
     cut = space.cut_cells
-    at_points = cut.interpolation[cut.hidden[:, 1]] @ values[cut.unknowns]
+    at_points = applied(with_rows(cut.interpolation, cut.hidden[:, 1]), values[cut.unknowns])
     flat[cut.hidden[:, 0]] = at_points
 
 
@@ -172,7 +173,7 @@ def added_to_sheet(
     nodes, points = cut.hidden.T
     whole = values[cut.unknowns] + scale * change[cut.unknowns]
     channels = np.flatnonzero(np.arange(flat.shape[1]) != alpha)
-    flat[nodes[:, None], channels] = cut.interpolation[points] @ whole
+    flat[nodes[:, None], channels] = applied(with_rows(cut.interpolation, points), whole)
     return result
 
 

@@ -18,6 +18,7 @@ from ..base.progress import phase, reporting
 from ..errors import InvalidMesh, InvalidSignal, ShockError
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld
+from ..sparse.components import connected_components
 from .document import Document, Floats, InPlaceDocument, Ints
 from .formats.mesh.gltf import GltfFile
 from .formats.mesh.obj import ObjFile
@@ -227,17 +228,13 @@ def _filtered(
 
 def _groups(parts: Ints, faces: Ints, vertex_count: int) -> list[Ints]:
     """Group the faces by objects that are connected through shared vertices."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     parts = np.unique(parts, return_inverse=True)[1].reshape(-1)
     part_count = int(parts.max(initial=0)) + 1
     if part_count == 1:
         return [np.arange(len(faces))]
-    rows, columns = np.repeat(parts, 3), part_count + faces.reshape(-1)
-    size = part_count + vertex_count
-    links = coo_matrix((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(size, size))
-    group = connected_components(links, directed=False)[1][parts]
+    used = part_count + faces.reshape(-1)
+    _, labels = connected_components(part_count + vertex_count, np.repeat(parts, 3), used)
+    group = labels[parts]
     order = np.argsort(group, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
 

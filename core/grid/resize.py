@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix
+
+from ..sparse.matrix import Sparse, applied, from_triples
 
 Pixels = npt.NDArray[np.float32]
 
@@ -29,15 +30,15 @@ def resized(pixels: Pixels, size: tuple[int, int]) -> Pixels:
     large[..., :colors] *= pixels[..., colors:] if colors < pixels.shape[2] else 1.0
     rows, columns = (_weights(new, old) for new, old in zip(size, pixels.shape, strict=False))
     out = np.stack(
-        [columns.dot(rows.dot(large[..., c]).T).T for c in range(pixels.shape[2])], axis=-1
-    ).astype(np.float32)
+        [applied(columns, applied(rows, plane).T).T for plane in np.moveaxis(large, 2, 0)], axis=-1
+    )
     if colors < pixels.shape[2]:
         opacity = out[..., colors:]
         np.divide(out[..., :colors], opacity, out=out[..., :colors], where=opacity > 0)
     return out
 
 
-def _weights(new: int, old: int) -> csr_matrix:
+def _weights(new: int, old: int) -> Sparse:
     # A tent around each new pixel's centre, as wide as the larger of new and old pixels.
     reach = max(old / new, 1.0)
     places = (np.arange(new) + 0.5) * old / new - 0.5
@@ -46,5 +47,5 @@ def _weights(new: int, old: int) -> csr_matrix:
     weights = np.maximum(1.0 - np.abs(found - places[:, None]) / reach, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
     rows = np.repeat(np.arange(new), found.shape[1])
-    entries = weights.ravel(), (rows, np.clip(found, 0, old - 1).ravel())
-    return csr_matrix(entries, shape=(new, old), dtype=np.float32)
+    columns = np.clip(found, 0, old - 1).ravel()
+    return from_triples(rows, columns, weights.ravel().astype(np.float32), (new, old))

@@ -5,16 +5,16 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from ..base.parallel import blocks
+from ..mesh.nearest import nearest_point, point_tree
 from .inputs import Floats
 
 _TOLERANCE = 0.01
 """Largest distance of a vertex from its partner's mirror image, in edge lengths."""
 
 _ROWS = 1 << 16
-"""Rows that numpy and scipy process at once."""
+"""Rows that numpy processes at once."""
 
 
 def mirror_pairs(
@@ -46,16 +46,9 @@ def mirror_pairs(
     tolerance = _TOLERANCE * lengths.mean()
     mirrored = points.copy()
     mirrored[:, axis] *= -1
-    tree = cKDTree(points, compact_nodes=False, balanced_tree=False)
-    distance = np.empty(len(points))
-    partner = np.empty(len(points), dtype=np.intp)
-    for rows in blocks(len(points), _ROWS):
-        distance[rows], partner[rows] = tree.query(
-            mirrored[rows], workers=-1, distance_upper_bound=2.0 * tolerance
-        )
-    partner[partner == len(points)] = 0  # none is near
-    mutual = partner[partner] == np.arange(len(points))
-    paired = mutual & (distance <= tolerance)
+    _, found = nearest_point(point_tree(points), mirrored, tolerance)
+    partner = np.maximum(found, 0).astype(np.intp)
+    paired = (found >= 0) & (partner[partner] == np.arange(len(points)))
     if mask is not None:
         paired &= mask == mask[partner]
     return np.where(paired, partner, -1)

@@ -10,17 +10,27 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
 
 from ..base.checks import Floats
-from ..base.parallel import blocks, kernel, run
+from ..base.parallel import kernel, run
 from ..base.progress import ask, phase
+from ..sparse.matrix import (
+    Sparse,
+    absolute,
+    added,
+    applied,
+    diagonal_matrix,
+    diagonal_of,
+    from_triples,
+    product,
+    row_sums,
+    rows_of,
+    transposed,
+    with_entries,
+)
 
 Csr = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
 """Starts of rows, columns and values of a sparse matrix."""
-
-_ROWS = 1 << 16
-"""Rows of a matrix that scipy processes at once."""
 
 _DENSE = 400
 """Most unknowns of a level that is solved by a dense matrix."""
@@ -60,12 +70,11 @@ class Multigrid:
         # at fixed unknowns.
         start, columns, values = matrix
         n = len(inverse_root)
-        off = scipy.sparse.csr_matrix((values, columns.view(np.int32), start), shape=(n, n))
-        a = (off + scipy.sparse.identity(n)).tocsr()
-        a.eliminate_zeros()
+        off = Sparse(start, columns.view(np.int32), values, (n, n))
+        a = added(off, diagonal_matrix(np.ones(n)))
         free = inverse_root > 0
         smooth = np.where(free, 1.0 / np.where(free, inverse_root, 1.0), 1.0)
-        hubs = np.flatnonzero(np.diff(a.indptr) > HUB)
+        hubs = np.flatnonzero(np.diff(a.start) > HUB)
         self._levels: list[_Level] = []
         while a.shape[0] > _DENSE and len(self._levels) < 20:
             done = min(0.2 * len(self._levels), 1.0)
@@ -77,8 +86,10 @@ class Multigrid:
             a = coarse
         self._inverse = None
         if 0 < a.shape[0] <= _DENSE:
-            self._inverse = np.linalg.pinv(a.toarray(), rcond=_NOTHING, hermitian=True)
-        self._diagonal = _divisors(a.diagonal())[:, None]
+            dense = np.zeros(a.shape)
+            np.add.at(dense, (rows_of(a), a.columns), a.values)
+            self._inverse = np.linalg.pinv(dense, rcond=_NOTHING, hermitian=True)
+        self._diagonal = _divisors(diagonal_of(a))[:, None]
 
     def cycle(self, rhs: Floats, depth: int = 0) -> Floats:
         """Solve approximately for `rhs` by one V-cycle from this level down, from zero."""
@@ -112,65 +123,45 @@ def _divisors(diagonal: Floats) -> Floats:
 
 
 def _coarsen(
-    a: scipy.sparse.csr_matrix, smooth: Floats, hubs: npt.NDArray
-) -> tuple[_Level, scipy.sparse.csr_matrix, Floats, npt.NDArray]:
+    a: Sparse, smooth: Floats, hubs: npt.NDArray
+) -> tuple[_Level, Sparse, Floats, npt.NDArray]:
     # `smooth` is the near-null-space vector that coarse levels must represent.
     n = a.shape[0]
     aggregates = np.full(n, -1, dtype=np.int32)
     strong = _without_hubs(a, smooth, hubs) if len(hubs) else a
-    size = _aggregate(strong.indptr, strong.indices, strong.data, aggregates)
+    size = _aggregate(*strong[:3], aggregates)
     aggregates[hubs] = np.arange(size, size + len(hubs))
     size += len(hubs)
     coupled = np.flatnonzero(aggregates >= 0)
     members = aggregates[coupled]
     norms = np.sqrt(np.bincount(members, weights=smooth[coupled] ** 2, minlength=size))
-    tentative = scipy.sparse.csr_matrix(
-        (smooth[coupled] / norms[members], (coupled, members)), shape=(n, size)
-    )
+    tentative = from_triples(coupled, members, smooth[coupled] / norms[members], (n, size))
     # Gershgorin bounds the spectrum of D^-1 A; 4/3 of its inverse is the usual damping.
     ask()
     # With hubs, one row may be far off the others: M, the row sums, bounds that of M^-1 A by 1.
     if len(hubs):
-        damping = 4.0 / 3.0 / _divisors(abs(a) @ smooth / smooth)
+        damping = 4.0 / 3.0 / _divisors(applied(absolute(a), smooth) / smooth)
     else:
-        diagonal = _divisors(a.diagonal())
-        bound = max(float((abs(a).sum(axis=1).A1 / diagonal).max()), 1.0)
+        diagonal = _divisors(diagonal_of(a))
+        bound = max(float((row_sums(absolute(a)) / diagonal).max()), 1.0)
         damping = 4.0 / 3.0 / bound / diagonal
-    step = scipy.sparse.diags(damping) @ _product(strong, tentative)
-    ask()
-    prolongation = (tentative - step).tocsr()
-    ask()
-    restriction = prolongation.T.tocsr()
-    coarse = _product(restriction, _product(a, prolongation))
-    level = _Level(_arrays(a), _arrays(prolongation), _arrays(restriction), damping)
+    step = product(diagonal_matrix(damping), product(strong, tentative))
+    prolongation = added(tentative, step, -1.0)
+    restriction = transposed(prolongation)
+    coarse = product(restriction, product(a, prolongation))
+    level = _Level(a[:3], prolongation[:3], restriction[:3], damping)
     hubs = aggregates[hubs]
-    return level, coarse, norms, hubs[np.diff(coarse.indptr)[hubs] > HUB]
+    return level, coarse, norms, hubs[np.diff(coarse.start)[hubs] > HUB]
 
 
-def _without_hubs(
-    a: scipy.sparse.csr_matrix, smooth: Floats, hubs: npt.NDArray
-) -> scipy.sparse.csr_matrix:
+def _without_hubs(a: Sparse, smooth: Floats, hubs: npt.NDArray) -> Sparse:
     # Drops the couplings to hubs; adds them to the diagonal as if both ends were as smooth.
     is_hub = np.zeros(a.shape[0], dtype=bool)
     is_hub[hubs] = True
-    rows = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
-    weak = (is_hub[rows] | is_hub[a.indices]) & (rows != a.indices)
-    lost = np.bincount(rows[weak], (a.data * smooth[a.indices])[weak], a.shape[0]) / smooth
-    strong = a.copy()
-    strong.data[weak] = 0.0
-    strong.eliminate_zeros()
-    return (strong + scipy.sparse.diags(lost)).tocsr()
-
-
-def _product(a: scipy.sparse.csr_matrix, b: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
-    if a.shape[0] <= _ROWS:  # also none at all
-        return a @ b
-    parts = [a[rows] @ b for rows in blocks(a.shape[0], _ROWS)]
-    return scipy.sparse.vstack(parts, format="csr")
-
-
-def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
-    return a.indptr.astype(np.int32, copy=False), a.indices.astype(np.int32, copy=False), a.data
+    rows = rows_of(a)
+    weak = (is_hub[rows] | is_hub[a.columns]) & (rows != a.columns)
+    lost = np.bincount(rows[weak], (a.values * smooth[a.columns])[weak], a.shape[0]) / smooth
+    return added(with_entries(a, ~weak), diagonal_matrix(lost))
 
 
 @kernel

@@ -4,14 +4,23 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
 
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..errors import SolverError
+from ..sparse.matrix import (
+    Sparse,
+    absolute,
+    added,
+    diagonal_matrix,
+    diagonal_of,
+    row_sums,
+    transposed,
+)
 from .multigrid import HUB, Csr, Multigrid
 
 _ROUNDING = 8 * np.finfo(np.float64).eps
@@ -65,30 +74,27 @@ class LinearSystem:
             )
 
     @classmethod
-    def from_csr(
-        cls, matrix: scipy.sparse.spmatrix, fixed: npt.NDArray[np.bool_] | None = None
-    ) -> LinearSystem:
-        """Make a system of a symmetric scipy matrix, such as ``mass + time * stiffness``.
+    def from_csr(cls, matrix: Any, fixed: npt.NDArray[np.bool_] | None = None) -> LinearSystem:
+        """Make a system of a symmetric matrix, of scipy or `Sparse`: ``mass + time * stiffness``.
 
         Raises
         ------
         SolverError
             If the matrix is not square, finite and symmetric; or see the class.
         """
-        matrix = scipy.sparse.csr_matrix(matrix, dtype=np.float64)
-        sizes = abs(matrix)
-        largest = sizes.max() if matrix.nnz else 0.0
+        matrix = matrix if isinstance(matrix, Sparse) else _of_scipy(matrix)
+        sizes = absolute(matrix)
+        largest = sizes.values.max(initial=0.0)
         if matrix.shape[0] != matrix.shape[1] or not np.isfinite(largest):
             raise SolverError("The matrix is not square and finite.")
-        if matrix.nnz and abs(matrix - matrix.T).max() > 1e-9 * largest:
+        differences = absolute(added(matrix, transposed(matrix), -1.0)).values
+        if differences.max(initial=0.0) > 1e-9 * largest:
             raise SolverError("The matrix is not symmetric.")
-        diagonal = matrix.diagonal()
-        off = (matrix - scipy.sparse.diags(diagonal)).tocsr()
-        off.eliminate_zeros()
-        screen = diagonal + off.sum(axis=1).A1
-        screen[abs(screen) <= _ROUNDING * sizes.sum(axis=1).A1] = 0.0
-        start, columns = off.indptr.astype(np.int32), off.indices.astype(np.int32)
-        return cls(start, columns, -off.data, screen, diagonal, fixed)
+        diagonal = diagonal_of(matrix)
+        off = added(matrix, diagonal_matrix(diagonal), -1.0)
+        screen = diagonal + row_sums(off)
+        screen[abs(screen) <= _ROUNDING * row_sums(sizes)] = 0.0
+        return cls(off.start, off.columns, -off.values, screen, diagonal, fixed)
 
     def part(self, rows: npt.NDArray[np.integer]) -> LinearSystem:
         """Make the system of some unknowns, in the order given, while all others stay 0."""
@@ -149,6 +155,14 @@ class LinearSystem:
         """Write ``rhs - D A D y`` to `out`, D the inverse root; skips rows of fixed unknowns."""
         run(_residual, len(y), self.start, self.columns, self.weights, self.screen,
             self.inverse_root, y, rhs, out)  # fmt: skip
+
+
+def _of_scipy(matrix: Any) -> Sparse:
+    from scipy.sparse import csr_matrix  # whoever has such a matrix has scipy
+
+    csr = csr_matrix(matrix, dtype=np.float64)
+    start, columns = (each.astype(np.int32) for each in (csr.indptr, csr.indices))
+    return Sparse(start, columns, csr.data, csr.shape)
 
 
 @kernel

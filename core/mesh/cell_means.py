@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix
 
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import ask
+from ..sparse.matrix import Sparse, added, from_triples, in_order, product
 from .spreading import FASTEST, Graph, graph_of
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -73,20 +73,17 @@ class CellMeans:
         self._walk = _cell_graph(contacts, self._middles, own, FINE)
         coarse_keys = np.empty(count, np.int64)
         coarse_keys[self._fine] = keys[:, 1]
-        self._parents, coarse_count = _parts(contacts.indptr, contacts.indices, coarse_keys)
+        self._parents, coarse_count = _parts(contacts.start, contacts.columns, coarse_keys)
         ask()
         self._coarse_held = _summed(self._parents, self._held, coarse_count)
         middles = _averaged(self._parents, self._held, self._coarse_held, self._middles)
-        owners = np.repeat(self._parents, np.diff(contacts.indptr))
-        coarse = _contacts(owners, self._parents[contacts.indices], contacts.data, coarse_count)
+        owners = np.repeat(self._parents, np.diff(contacts.start))
+        coarse = _contacts(owners, self._parents[contacts.columns], contacts.values, coarse_count)
         self._coarse_walk = _cell_graph(
             coarse, middles, _summed(self._parents, own, coarse_count), RATIO * FINE
         )
-        near = csr_matrix((np.ones(len(contacts.data), np.float32), contacts.indices,
-                           contacts.indptr), contacts.shape)  # fmt: skip
-        near = (near @ near + near).tocsr()
-        near.sort_indices()
-        self._near = near.indptr.astype(np.int32), near.indices.astype(np.int32)
+        near = contacts._replace(values=np.ones(len(contacts.values)))
+        self._near = in_order(added(product(near, near), near))[:2]
 
     def means(self, energies: Singles) -> Singles:
         """Average energies of vertices over the small cells: (k, n) -> (k, 1, cells)."""
@@ -158,18 +155,15 @@ def _divided(sums: Floats, held: Floats) -> Floats:
     return np.where(held > 0, sums / np.where(held > 0, held, 1), 0.0)
 
 
-def _contacts(one: Ints, other: Ints, weights: Floats, count: int) -> csr_matrix:
+def _contacts(one: Ints, other: Ints, weights: Floats, count: int) -> Sparse:
     apart = one != other
-    pairs = one[apart], other[apart]
-    found = csr_matrix((weights[apart], pairs), (count, count))
-    found.sum_duplicates()
-    return found
+    return from_triples(one[apart], other[apart], weights[apart], (count, count))
 
 
-def _cell_graph(contacts: csr_matrix, middles: Floats, held: Floats, side: float) -> Graph:
-    weights = np.empty(len(contacts.data))
-    run(_conduct, len(held), contacts.indptr, contacts.indices, contacts.data, middles, weights)
-    return graph_of(contacts.indptr, contacts.indices, weights, held, FASTEST / side**2)
+def _cell_graph(contacts: Sparse, middles: Floats, held: Floats, side: float) -> Graph:
+    weights = np.empty(len(contacts.values))
+    run(_conduct, len(held), *contacts[:3], middles, weights)
+    return graph_of(contacts.start, contacts.columns, weights, held, FASTEST / side**2)
 
 
 @kernel

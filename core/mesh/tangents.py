@@ -11,11 +11,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse
-from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
 from ..base.progress import ask
+from ..sparse.components import connected_components
 from .calculus import unit_vectors
 from .triangle_mesh import TriangleMesh
 
@@ -99,10 +98,7 @@ def _groups(
     f, k, g, j = f[same], k[same], g[same], j[same]
     one = np.concatenate([3 * f + k, 3 * f + k_next[same]])
     other = np.concatenate([3 * g + j_next[same], 3 * g + j])
-    count = 3 * mesh.face_count
-    links = np.ones(len(one), dtype=np.bool_), (one, other)
-    graph = scipy.sparse.csr_matrix(links, shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    return connected_components(3 * mesh.face_count, one, other)[1]
 
 
 def _angles(corners: Floats) -> Floats:

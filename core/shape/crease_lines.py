@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from ..base.checks import by_keyword, checked_angle
 from ..base.memo import kept
@@ -18,6 +17,7 @@ from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..base.vectors import after
 from ..flow.potential import dilation
 from ..mesh.edges import checked_edges, half_edges_between
+from ..mesh.nearest import point_tree, points_within
 from ..mesh.order import is_scattered, sorted_along_curve
 from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..mixture.choice import mixture
@@ -339,17 +339,16 @@ def _with_reasons(
 def _thin_vertices(mesh: TriangleMesh, vertices: npt.NDArray[np.intp], normals: Floats) -> Bools:
     # Whether a side of the surface lies close by that faces the other way than one at the vertex.
     centers = mesh.scaled_vertices[mesh.faces].mean(axis=1)
-    tree = cKDTree(centers)
+    tree = point_tree(centers)
     thin = np.zeros(len(vertices), dtype=bool)
     start, corners = mesh.corners
     for i, v in enumerate(vertices):
         if i % _AT_ONCE == 0:  # of all at once, no other thread could go on meanwhile
             ask()
             points = mesh.scaled_vertices[vertices[i : i + _AT_ONCE]]
-            near = tree.query_ball_point(points, _WALL + 1.0)
-        faces = near[i % _AT_ONCE]
+            first, near = points_within(tree, points, _WALL + 1.0)
+        others = near[first[i % _AT_ONCE] : first[i % _AT_ONCE + 1]]
         around = normals[corners[start[v] : start[v + 1]] // 3]
-        others = np.asarray(faces)
         away = centers[others] - mesh.scaled_vertices[v]
         across = np.abs(away @ around.T) < _WALL
         thin[i] = ((normals[others] @ around.T < _OPPOSITE) & across).any()

@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats, by_keyword, checked_angle, checked_number
 from ..base.parallel import kernel, run
@@ -25,6 +23,7 @@ from ..base.vectors import after, cross, dot, edge
 from ..mesh.edges import checked_edges, half_edges_between
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
 from ..settings import GeometrySettings, given_or_default
+from ..sparse.components import connected_components
 from .crease_edges import Bools
 from .sharpening import sharpen_geometry
 
@@ -218,8 +217,7 @@ def _sectors(twins: Ints, held: Bools) -> npt.NDArray[np.int64]:
     here = np.flatnonzero((twins >= 0) & ~held)
     face, k = np.divmod(twins.reshape(-1)[here], 3)
     there = 3 * face + (k + 1) % 3
-    links = coo_array((np.ones(len(here), bool), (here, there)), (twins.size, twins.size))
-    _, labels = connected_components(links, directed=False)
+    _, labels = connected_components(twins.size, here, there)
     _, firsts = np.unique(labels, return_index=True)
     return firsts[labels].reshape(-1, 3)
 
@@ -314,10 +312,10 @@ def _share(mesh: TriangleMesh, held: Bools) -> Floats:
     # How much the planes of faces count: little where lines leave them hardly any area.
     here = np.flatnonzero((mesh.twins >= 0) & ~held)
     there = mesh.twins.reshape(-1)[here] // 3
-    links = coo_array((np.ones(len(here), bool), (here // 3, there)), 2 * (mesh.face_count,))
-    count, labels = connected_components(links, directed=False)
+    count, labels = connected_components(mesh.face_count, here // 3, there)
     areas = np.bincount(labels, mesh.areas, count)
-    return (areas / (areas + _TINY))[labels] ** 2
+    shares: Floats = areas / (areas + _TINY)
+    return shares[labels] ** 2
 
 
 def _bends(mesh: TriangleMesh, degrees: float) -> Bools:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from ..base.findings import tell
 from ..base.parallel import kernel, run
@@ -17,6 +16,7 @@ from ..base.vectors import cross, dot, edge
 from ..flow.potential import dilation
 from ..mesh.adjacency import connected_parts
 from ..mesh.calculus import average_to_vertices, smooth_vertices
+from ..mesh.nearest import nearest_point, point_tree, points_within
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from .creases import ramp
 
@@ -110,17 +110,15 @@ def _thickness(mesh: TriangleMesh, places: npt.NDArray[np.intp]) -> Floats:
     # Distance to what faces the other way and lies behind or before a vertex, in edges; at most
     # _FAR.
     normals = average_to_vertices(mesh, mesh.normals)
-    apart, _ = cKDTree(mesh.scaled_vertices[places]).query(
-        mesh.scaled_vertices, distance_upper_bound=_FAR
-    )
-    near = np.flatnonzero(np.isfinite(apart))
-    around = cKDTree(mesh.scaled_vertices[near]).query_ball_point(
-        mesh.scaled_vertices[places], _FAR
-    )
+    points = mesh.scaled_vertices
+    _, nearest = nearest_point(point_tree(points[places]), points, _FAR)
+    near = np.flatnonzero(nearest >= 0)
+    start, around = points_within(point_tree(points[near]), points[places], _FAR)
     found = np.full(len(places), _FAR)
-    for i, (v, others) in enumerate(zip(places, around, strict=True)):
-        o, n = near[others], normals[v] / max(float(np.linalg.norm(normals[v])), 1e-12)
-        way = mesh.scaled_vertices[o[normals[o] @ n < -0.5]] - mesh.scaled_vertices[v]
+    for i, v in enumerate(places):
+        o, n = near[around[start[i] : start[i + 1]]], normals[v]
+        n = n / max(float(np.linalg.norm(n)), 1e-12)
+        way = points[o[normals[o] @ n < -0.5]] - points[v]
         along = abs(way @ n)
         behind = along[(way**2).sum(axis=1) - along**2 < _BESIDE]
         if len(behind):

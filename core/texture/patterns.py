@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from ..atlas import TextureAtlas
 from ..base.checks import Floats, as_array, by_keyword, checked_size
@@ -16,6 +15,7 @@ from ..elements.multigrid import SheetSolver
 from ..elements.surface_values import painted_values
 from ..errors import InvalidSignal
 from ..mesh.directions import face_tensors
+from ..mesh.nearest import nearest_point, point_tree, points_within
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import ReactionSettings, given_or_default
 from .along_directions import checked_directions, clearness, stretched
@@ -241,11 +241,12 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     shares = np.stack([shares[:, 0], shares[:, 1] - shares[:, 0], 1.0 - shares[:, 1]], axis=1)
     places = np.einsum("sk,skx->sx", shares, corners[np.minimum(faces, len(corners) - 1)])
     # Of two close spots the first one stays (Matern 1960), which avoids clusters and large gaps.
-    near = cKDTree(places).query_pairs(apart, output_type="ndarray")
-    places = np.delete(places, near.max(axis=1, initial=0), axis=0) if len(near) else places
+    first, near = points_within(point_tree(places), places, apart)
+    later = np.repeat(np.arange(len(places)), np.diff(first))
+    places = np.delete(places, later[near < later], axis=0)
     texels = np.flatnonzero(atlas.inside)
     baked = atlas.bake(mesh.own_corners(corners)).reshape(-1, 3)
-    away, _ = cKDTree(places).query(baked[texels])
+    away, _ = nearest_point(point_tree(places), baked[texels])
     inside = np.exp(-((away / (_SPOT * distance)) ** 4))
     start = np.zeros((atlas.height * atlas.width, 2), dtype=np.float32)
     start[:, 0] = 1.0

@@ -10,11 +10,11 @@ from shapes import grid, soft_cube
 from shock_filter import core
 from shock_filter.core.base import parallel
 from shock_filter.core.base.progress import reporting
-from shock_filter.core.linear import multigrid
 from shock_filter.core.mesh.order import sorted_along_curve
 from shock_filter.core.mesh.weld import weld_borders
 from shock_filter.core.registry import find
 from shock_filter.core.shape.denoising import beltrami_joint_corners
+from shock_filter.core.sparse.matrix import diagonal_matrix, product
 from shock_filter.core.then_sharpen import sharpen_both, then_sharpen
 
 CHUNK = 64
@@ -233,11 +233,12 @@ def test_numpy_works_on_blocks_of_rows_of_an_image():
     assert large["Smoothing"] - small["Smoothing"] >= 0.9 * kernel / 2 + 5 * 8
 
 
-def test_multigrid_multiplies_matrices_in_blocks(monkeypatch):
-    mesh = core.TriangleMesh(*soft_cube(30))
-    settings = core.GeometrySettings(screening_radius=100.0)
-    sharpen = lambda count: core.sharpen_geometry(mesh, settings, progress=count)  # noqa: E731
-    few = questions(sharpen)["Coarsening"]
-    mesh = core.TriangleMesh(*soft_cube(30))
-    monkeypatch.setattr(multigrid, "_ROWS", 512)
-    assert questions(sharpen)["Coarsening"] >= few + 2 * (mesh.vertex_count // 512)
+def test_sparse_matrices_are_multiplied_in_blocks(monkeypatch):
+    monkeypatch.setattr(parallel, "most_threads", 1)
+    matrix = diagonal_matrix(np.ones(20 << 10))
+
+    def multiply(count):
+        with reporting(count):
+            product(matrix, matrix)
+
+    assert sum(questions(multiply).values()) >= 16
