@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels compiled beforehand beside those that numba compiles: time of the first call, and of others.
+"""Kernels compiled beforehand beside those of numba: time of the first call, and of others.
 
 ``python benchmarks/precompiled.py`` builds the library of this system (some minutes, the first
-time), and runs each filter in processes of its own, without numba and with it, in turn. numba finds its
-code on disk.
+time), and runs each filter in processes of its own, without numba and with it, in turn. numba finds
+its code on disk.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def prepared(name: str, size: int):
 
 
 def measured(name: str, library: str | None) -> tuple[float, float]:
-    """Return seconds until a first, tiny call is done, and the least seconds of a core of others."""
+    """Return seconds until a first, tiny call is done, and the least core seconds of others."""
     if library:
         sys.path.insert(0, library)
         sys.modules["numba"] = None  # type: ignore[assignment]

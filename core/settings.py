@@ -982,6 +982,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         label="Widest Fillet",
         auto=0.0,
         usual=2.0,
+        rehearsed=(4.0,),
     )
     amount: float = _amount()
     time: float = _changed(_FlowSettings, "time", 256.0, advanced=True)

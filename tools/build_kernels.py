@@ -15,7 +15,6 @@ import base64
 import hashlib
 import json
 import os
-import pickle
 import re
 import shutil
 import subprocess
@@ -124,7 +123,12 @@ def link(platform: str, objects: list[Path], library: Path) -> None:
     """Link object files with the runtime into a shared library."""
     command = [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS[platform].zig]
     command += ["-shared", "-O2", "-s", "-fvisibility=hidden", *map(str, objects)]
-    command += [str(RUNTIME), "-o", str(library), *(["-lm", "-Wl,-z,defs"] if "linux" in platform else [])]
+    command += [
+        str(RUNTIME),
+        "-o",
+        str(library),
+        *(["-lm", "-Wl,-z,defs"] if "linux" in platform else []),
+    ]
     cache = str(PLACE / "zig")
     env = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
     subprocess.run(command, check=True, env=env, cwd=library.parent)

@@ -222,9 +222,7 @@ def _part_fits(given: str, taken: str) -> bool:
     a, b = _ARRAY.fullmatch(given), _ARRAY.fullmatch(taken)
     if a is None or b is None:
         return False
-    return (
-        a[1] + a[2] == b[1] + b[2] and b[3] in (a[3], "A") and (b[4] == "r" or a[4] != "r")
-    )
+    return a[1] + a[2] == b[1] + b[2] and b[3] in (a[3], "A") and (b[4] == "r" or a[4] != "r")
 
 
 def _key(value: Any) -> Any:
@@ -298,7 +296,9 @@ def _letters(value: Any) -> str:
         return "?7x"
     if isinstance(value, float | np.float64):
         return "d"
-    return {"float32": "f4x", "uint64": "Q"}.get(getattr(getattr(value, "dtype", 0), "name", ""), "q")
+    return {"float32": "f4x", "uint64": "Q"}.get(
+        getattr(getattr(value, "dtype", 0), "name", ""), "q"
+    )
 
 
 _pointer_at = ctypes.c_void_p.from_address

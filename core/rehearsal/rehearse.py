@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run each filter once on tiny examples, so that nothing compiles later.
+"""Run each filter once on tiny examples: all kernels that hosts call, with all their types.
 
-The calling code determines the types for which a kernel is compiled, so that code is run. Examples
+The extension's library of kernels is made of these, and numba compiles and keeps them on disk
+elsewhere. The calling code determines the types for which a kernel is compiled, so that code is run. Examples
 have the types that a host reads (`inputs`), with and without masks; settings are the defaults and
 each other choice.
 """
@@ -43,6 +44,7 @@ from ..registry import FILTERS, Filter, find
 from ..settings import GeometrySettings, ShockSettings, describe, named
 from ..shape.folds import mended
 from ..shape.results import tell_lost
+from .arrays import runs_on_images, runs_on_meshes, runs_on_textures
 
 _CORE = __package__.rpartition(".")[0]
 
@@ -105,6 +107,15 @@ def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
                 yield partial(function, row.name, settings)
     if "colors" in kinds:
         yield from _runs_of_surfaces(rows)
+        shape = _shape()
+        yield from runs_on_meshes(TriangleMesh(shape.positions, shape.triangles))
+    images = [row for row in rows if row.kind.name == "image"]
+    yield from runs_on_images(images, _settings, _SIZE)
+    textures = [row for row in rows if row.kind.name == "texture"]
+    if textures:
+        faces = _textured(_SOLVED)[0].faces
+        model = TriangleMesh(faces.positions, faces.triangles), faces.uv
+        yield from runs_on_textures(textures, model, _SOLVED)
 
 
 def _given(row: Filter) -> Iterator[dict[str, Any]]:
@@ -188,7 +199,8 @@ def _generated(name: str, settings: Any, **given: Any) -> Any:
 def _flowing(in_colors: bool, name: str, settings: Any) -> Any:
     shape = 2 * (_SIZE,)
     faces = _textured(_SIZE)[0].faces
-    flows: list[Any] = [FlowPlane(np.zeros((*shape, 2), np.float32))]
+    turning = np.linspace(-1.0, 1.0, 2 * _SIZE * _SIZE).reshape(*shape, 2).astype(np.float32)
+    flows: list[Any] = [FlowPlane(np.zeros((*shape, 2), np.float32)), FlowPlane(turning)]
     if settings.periodic == "none":
         vectors = np.tile([1.0, 0.5, 0.25], (len(faces.triangles), 1))
         flows.append(FlowSurface(faces, shape, "directions", vectors))

@@ -86,5 +86,7 @@ def test_a_missing_kernel_is_named_with_its_types(monkeypatch):
     monkeypatch.setattr(compiled, "library", Empty)
     monkeypatch.setitem(sys.modules, f"{compiled.__package__}.kernel_cache", None)
     kernel = compiled.Kernel(test_addresses_are_read_past_the_head_of_arrays, False)
-    with pytest.raises(KernelMissing, match=r"No kernel .*test_addresses.* types <f81C, i: install"):
+    with pytest.raises(
+        KernelMissing, match=r"No kernel .*test_addresses.* types <f81C, i: install"
+    ):
         kernel(np.zeros(2), 1)

@@ -3,15 +3,14 @@
 
 import subprocess
 import sys
-import zipfile
 
 import build_kernels
 import pytest
 from shock_filter.core.base import compiled
 
 sys.path.insert(0, str(build_kernels.ROOT / "tools" / "kernels"))
-import compiler  # noqa: E402
-from records import Entry  # noqa: E402
+import compiler
+from records import Entry, Harvest
 
 ABOUT = {"sources": "1", "library": "kernels.so", "kernels": {}}
 
@@ -23,7 +22,7 @@ IR = """define i32 @kernel(ptr %result, ptr %error, i64 %a, double %b, i1 %c) {
 declare double @sin(double)
 """
 
-WRAPPER = 'define ptr @_ZN7cpython6kernel(ptr %a) {\n  ret ptr %a\n}\n'
+WRAPPER = "define ptr @_ZN7cpython6kernel(ptr %a) {\n  ret ptr %a\n}\n"
 
 
 def entry(ir=IR):
@@ -108,3 +107,10 @@ def test_networks_are_compiled_for_newer_processors_too():
     assert oldest != newer
     assert newer.encode() in compiler.compile_entries([network], "linux-x64", wide=True)
     assert len(compiler.table_of([network], "macos-arm64")["mixture.cells:mix"]["i,f,b"]) == 2
+
+
+def test_kernels_that_the_rehearsal_does_not_reach_are_named():
+    reached = Harvest([], [], {"a:one", "a:two", "color.pde:rows"}, {"a:one"})
+    with pytest.raises(SystemExit, match=r"calls none of these kernels: a:two\. Add"):
+        compiler.check_complete([reached])
+    compiler.check_complete([reached, Harvest([], [], {"a:two"}, {"a:two"})])

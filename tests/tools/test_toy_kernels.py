@@ -30,13 +30,13 @@ import toy_kernels
 from records import write
 for kernel, arguments in toy_kernels.calls():
     kernel(*arguments)
-write(Path(sys.argv[3]), *harvest.recorded())
+write(Path(sys.argv[3]), harvest.recorded())
 """
 
 
 @pytest.fixture(scope="module")
 def harvest(tmp_path_factory):
-    """Return the entries and calls of the toy kernels."""
+    """Return the harvest of the toy kernels."""
     path = tmp_path_factory.mktemp("harvest") / "toys.pickle"
     subprocess.run([sys.executable, "-c", HARVEST, str(HERE), str(TOOLS), str(path)], check=True)
     return read(path)
@@ -46,7 +46,7 @@ def harvest(tmp_path_factory):
 def library(harvest, tmp_path_factory):
     """Return the library of the toy kernels."""
     folder = tmp_path_factory.mktemp("library")
-    entries, _ = harvest
+    entries = harvest.entries
     (folder / "kernels.o").write_bytes(compiler.compile_entries(entries, "linux-x64"))
     build_kernels.link("linux-x64", [folder / "kernels.o"], folder / "kernels.so")
     about = {
@@ -68,13 +68,12 @@ def kernels(library, monkeypatch):
     monkeypatch.setattr(compiled, "library", lambda: library)
     monkeypatch.setitem(sys.modules, f"{compiled.__package__}.kernel_cache", None)
     return {
-        kernel.__name__: compiled.Kernel(kernel.py_func, False)
-        for kernel, _ in toy_kernels.calls()
+        kernel.__name__: compiled.Kernel(kernel.py_func, False) for kernel, _ in toy_kernels.calls()
     }
 
 
 def test_results_are_those_of_numba(harvest, library):
-    _, calls = harvest
+    calls = harvest.calls
     assert len(calls) == len(toy_kernels.calls())
     found = {call.name: replay.replay(call, library) for call in calls}
     assert found.pop("toy_kernels:total") < 1e-15

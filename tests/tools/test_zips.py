@@ -4,7 +4,6 @@
 import hashlib
 import os
 import zipfile
-from pathlib import Path
 
 import build_extension
 import bundled
@@ -105,7 +104,9 @@ def test_what_compiles_at_the_users_is_refused(tmp_path, name):
 
 
 def test_a_zip_without_kernels_is_refused(tmp_path):
-    assert problems(zip_of(tmp_path, wheel={"more/a.so": ELF})) == ["It lacks the compiled kernels."]
+    assert problems(zip_of(tmp_path, wheel={"more/a.so": ELF})) == [
+        "It lacks the compiled kernels."
+    ]
 
 
 def test_large_zips_are_refused(tmp_path):

@@ -19,7 +19,7 @@ import llvmlite.binding as llvm
 from numba.core import config
 from numba.core.codegen import _parse_refprune_flags
 from numba.core.llvm_bindings import create_pass_builder
-from records import Entry, read
+from records import Entry, Harvest, read
 
 
 class Target(NamedTuple):
@@ -44,6 +44,9 @@ TARGETS = {
 WIDE = "color.learned.", "mixture."
 """Modules whose kernels, networks over many values, are a third faster in wider registers. No sums
 are reordered there, so that results have the same bits."""
+
+NOT_OF_HOSTS = "advection.convolution:", "advection.dye:", "advection.opacity:", "color.pde:"
+"""Kernels that only `core` and the command line have."""
 
 _WRAPPER = re.compile(r'^define [^@]*@"?(_ZN7cpython|cfunc)', re.MULTILINE)
 """Functions for calls from Python."""
@@ -200,6 +203,19 @@ def _defined(module: llvm.ModuleRef) -> list[llvm.ValueRef]:
     return [each for each in module.functions if not each.is_declaration]
 
 
+def check_complete(harvests: Iterable[Harvest]) -> None:
+    """Refuse harvests that lack kernels, as hosts might call these."""
+    harvests = list(harvests)
+    imported = set().union(*(each.imported for each in harvests))
+    lost = imported - set().union(*(each.compiled for each in harvests))
+    lost = {name for name in lost if not name.startswith(NOT_OF_HOSTS)}
+    if lost:
+        raise SystemExit(
+            f"The rehearsal calls none of these kernels: {', '.join(sorted(lost))}. Add an example to"
+            " core/rehearsal, or name them in NOT_OF_HOSTS if Blender never runs them."
+        )
+
+
 def main() -> None:
     """Compile what harvests hold: writes kernels.o, wide.o (empty if none are) and kernels.json, the table."""
     parser = argparse.ArgumentParser(description="Compile the kernels of harvests.")
@@ -207,7 +223,9 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("harvests", type=Path, nargs="+")
     given = parser.parse_args()
-    entries = {symbol(each): each for path in given.harvests for each in read(path)[0]}
+    harvests = [read(path) for path in given.harvests]
+    check_complete(harvests)
+    entries = {symbol(each): each for harvest in harvests for each in harvest.entries}
     ordered = sorted(entries.values(), key=lambda each: (each.name, each.types))
     (given.folder / "kernels.o").write_bytes(compile_entries(ordered, given.platform))
     newer = [each for each in ordered if is_wide(each, given.platform)]

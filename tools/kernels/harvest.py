@@ -17,7 +17,7 @@ from numba.core import types
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.registry import CPUDispatcher
 from numba.np.numpy_support import as_dtype
-from records import Call, Entry, write
+from records import Call, Entry, Harvest, write
 from shock_filter.core.base import compiled
 
 compiled.library.cache_clear()
@@ -125,9 +125,14 @@ def record() -> None:
     parallel.most_threads = 1  # else another chunk writes to what is copied
 
 
-def recorded() -> tuple[list[Entry], list[Call]]:
+def recorded() -> Harvest:
     """Return what was kept."""
-    return _entries(), _calls
+    from shock_filter.core.rehearsal.rehearse import imported_kernels
+
+    kernels = imported_kernels()
+    names = {compiled.name_of(each.py_func) for each in kernels}
+    used = {compiled.name_of(each.py_func) for each in kernels if each.overloads}
+    return Harvest(_entries(), _calls, names, used)
 
 
 def main() -> None:
@@ -141,7 +146,7 @@ def main() -> None:
     from shock_filter.core.rehearsal.rehearse import rehearse
 
     rehearse(**({"kinds": given.kinds} if given.kinds else {}))
-    write(given.out, *recorded())
+    write(given.out, recorded())
 
 
 if __name__ == "__main__":

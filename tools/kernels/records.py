@@ -42,13 +42,33 @@ class Call:
     result: Any
 
 
-def write(path: Path, entries: list[Entry], calls: list[Call]) -> None:
+@dataclass
+class Harvest:
+    """What a rehearsal compiled.
+
+    Attributes
+    ----------
+    entries : list of Entry
+        Kernels that Python called, for each combination of types.
+    calls : list of Call
+        Their first calls.
+    imported, compiled : set of str
+        Names of all kernels of the modules that were imported, and of those that were compiled.
+    """
+
+    entries: list[Entry]
+    calls: list[Call]
+    imported: set[str]
+    compiled: set[str]
+
+
+def write(path: Path, harvest: Harvest) -> None:
     """Write a harvest."""
     with path.open("wb") as file:
-        pickle.dump((entries, calls), file)
+        pickle.dump(harvest, file)
 
 
-def read(path: Path) -> tuple[list[Entry], list[Call]]:
+def read(path: Path) -> Harvest:
     """Read a harvest."""
     with path.open("rb") as file:
         return pickle.load(file)

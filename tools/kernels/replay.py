@@ -63,7 +63,7 @@ def main() -> None:
     library.is_wide = library.is_wide and not given.oldest
     counts: Counter[str] = Counter()
     for path in given.harvests:
-        for call in read(path)[1]:
+        for call in read(path).calls:
             found = replay(call, library)
             what = "missing" if found is None else "same bits" if not found else "rounding"
             if found is not None and found > ROUNDING:

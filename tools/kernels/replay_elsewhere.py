@@ -83,7 +83,7 @@ def write_calls(path: Path, table: dict[str, dict[str, list[Any]]]) -> None:
     written = left_out = 0
     with path.open("wb") as file:
         for harvest in build_kernels.harvest():
-            for call in read(harvest)[1]:
+            for call in read(harvest).calls:
                 types = ",".join(compiled.type_name(each) for each in call.before)
                 entry = table.get(call.name, {}).get(types)
                 if entry and write_call(file, call, *entry[:2]):

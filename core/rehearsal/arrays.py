@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What depends on the data, and what batch runs on files make: other types, masks, painted gains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas.atlas import TextureAtlas
+from ..flow.borders import measured
+from ..linear.cg import solve
+from ..linear.system import LinearSystem
+from ..mesh.triangle_mesh import TriangleMesh
+from ..registry import Filter
+from ..texture.gradient_domain import TextureSolver
+
+TYPES = np.uint8, np.uint16, np.float32, np.float64
+"""Types of pixels in files."""
+
+Textured = tuple[TriangleMesh, npt.NDArray[np.float64]]
+"""A mesh with texture coordinates."""
+
+
+def runs_on_images(
+    rows: list[Filter], settings_of: Callable[[Filter], Iterator[Any]], size: int
+) -> Iterator[Callable[[], Any]]:
+    """Yield runs of filters on images of all types, gray and in color, with and without masks."""
+    for row in rows:
+        for settings in settings_of(row):
+            given = settings.kernel if row.then else settings
+            for dtype in TYPES:
+                for shape in ((size, size + 8), (size, size + 8, 3)):
+                    yield partial(_filter_image, row, given, dtype, shape)
+
+
+def runs_on_textures(rows: list[Filter], model: Textured, size: int) -> Iterator[Callable[[], Any]]:
+    """Yield runs of filters on textures of all types, and of masks."""
+    for row in rows:
+        for dtype in TYPES:
+            yield partial(_filter_texture, row, model, picture(dtype, (size, size, 3)))
+    yield partial(_masks, model, size)
+    yield partial(_gains, model, size)
+
+
+def runs_on_meshes(mesh: TriangleMesh) -> Iterator[Callable[[], Any]]:
+    """Yield what few meshes need: borders without crests, and slow solves."""
+    yield partial(_few_borders, mesh)
+    yield _slow_solve
+
+
+def picture(dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray:
+    """Return a soft edge with some noise: in [0, 1], or over the range of whole numbers."""
+    y, x = np.mgrid[: shape[0], : shape[1]] / shape[0]
+    values = 0.5 + 0.4 * np.tanh(9.0 * (x - y)) + 0.02 * np.sin(997.0 * x * y)
+    values = np.broadcast_to(values.reshape(*values.shape, *[1] * (len(shape) - 2)), shape)
+    kind = np.dtype(dtype)
+    if kind.kind == "u":
+        values = np.rint(np.iinfo(kind).max * values)
+    return np.ascontiguousarray(values.astype(kind))
+
+
+def _filter_image(row: Filter, settings: Any, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> None:
+    image = picture(dtype, shape)
+    mask = np.linspace(0.0, 1.0, shape[0] * shape[1]).reshape(shape[:2])
+    filter_image = row.load()
+    for each in (None, mask):
+        filter_image(image, settings, mask=each)
+
+
+def _filter_texture(row: Filter, model: Textured, image: npt.NDArray) -> None:
+    row.load()(*model, image)
+
+
+def _masks(model: Textured, size: int) -> None:
+    TextureAtlas(*model, size=(size, size)).masks()
+
+
+def _gains(model: Textured, size: int) -> None:
+    solver = TextureSolver(*model, picture(np.float32, (size, size, 4)))
+    gains = np.ones((size, size))
+    for row in (0, size // 2):
+        gains[row:] = 2.0
+        solver.filtered(gains)
+
+
+def _few_borders(mesh: TriangleMesh) -> None:
+    values = np.zeros((mesh.vertex_count, 3))
+    values[0] = 1.0
+    measured(mesh, values)
+
+
+def _slow_solve() -> None:
+    # A hub beside a long path.
+    n = 1000
+    rows = np.concatenate([np.arange(n - 1), np.zeros(n - 2, int)])
+    to = np.concatenate([np.arange(1, n), np.arange(2, n)])
+    of, to = np.concatenate([rows, to]), np.concatenate([to, rows])
+    order = np.lexsort((to, of))
+    of, to = of[order], to[order].astype(np.int32)
+    start = np.searchsorted(of, np.arange(n + 1)).astype(np.int32)
+    weights, screen = np.ones(len(to)), np.full(n, 1e-3)
+    diagonal = screen + np.bincount(of, weights, n)
+    system = LinearSystem(start, to, weights, screen, diagonal)
+    solve(system, np.linspace(-1.0, 1.0, n), 1e-6, multigrid=True)
