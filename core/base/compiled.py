@@ -85,7 +85,7 @@ def library() -> Library | None:
 
 
 def library_problem() -> str:
-    """Return why kernels cannot run, with the remedy; empty if they can, by the library or numba."""
+    """Return why kernels cannot run, with the remedy; empty if the library or numba is there."""
     found, problem = _loaded()
     if found is not None or importlib.util.find_spec("numba"):
         return ""
@@ -151,9 +151,10 @@ class Kernel:
 
     @functools.cached_property
     def dispatcher(self) -> Any:
-        """The same kernel, compiled by numba; not kept: extensions must not write to their folder."""
-        from .kernel_cache import compile_kernel
+        """The kernel compiled by numba; not kept, as extensions must not write to their folder."""
+        from .kernel_cache import compile_kernel, let_numba_call
 
+        let_numba_call(Kernel)
         return compile_kernel(self.py_func, self.fastmath, keep=False)
 
     def _resolve(self, types: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Call:
@@ -296,9 +297,8 @@ def _letters(value: Any) -> str:
         return "?7x"
     if isinstance(value, float | np.float64):
         return "d"
-    return {"float32": "f4x", "uint64": "Q"}.get(
-        getattr(getattr(value, "dtype", 0), "name", ""), "q"
-    )
+    kind = value.dtype.name if isinstance(value, np.generic) else ""
+    return {"float32": "f4x", "uint64": "Q"}.get(kind, "q")
 
 
 _pointer_at = ctypes.c_void_p.from_address

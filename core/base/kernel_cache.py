@@ -32,8 +32,6 @@ from numba.core.caching import (
 )
 from numba.extending import typeof_impl
 
-from .compiled import Kernel
-
 log = logging.getLogger(__name__)
 
 _HEAD_SIZE = 16 + 4
@@ -108,10 +106,10 @@ def compile_kernel(function: Callable[..., Any], fastmath: Any, keep: bool = Tru
     return keep_on_disk(kernel) if keep else kernel
 
 
-@typeof_impl.register(Kernel)
-def _type_of_kernel(kernel: Kernel, _: Any) -> Any:
-    # What numba compiles may call kernels of the library.
-    return numba_types.Dispatcher(kernel.dispatcher)
+@cache
+def let_numba_call(kind: type) -> None:
+    """Let kernels that numba compiles call those of a class with a numba `dispatcher`."""
+    typeof_impl.register(kind)(lambda kernel, _: numba_types.Dispatcher(kernel.dispatcher))
 
 
 def keep_on_disk(kernel: Any) -> Any:

@@ -2,8 +2,9 @@
 """Run compiled kernels over index ranges on all cores, with progress and cancelling.
 
 Kernels are serial functions ``kernel(start, stop, *arrays)``, compiled beforehand (see `compiled`)
-or by numba, that release the GIL; the chunks of the range run on a thread pool. (numba's own ``parallel=True`` aborts the process when
-two Python threads enter it, and its cache and thread counts clash.)
+or by numba, that release the GIL; the chunks of the range run on a thread pool. (numba's own
+``parallel=True`` aborts the process when two Python threads enter it, and its cache and thread
+counts clash.)
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What depends on the data, and what batch runs on files make: other types, masks, painted gains."""
+"""What depends on the data, and what batch runs on files make: other types, masks, gains."""
 
 from __future__ import annotations
 
@@ -103,6 +103,7 @@ def _slow_solve() -> None:
     of, to = of[order], to[order].astype(np.int32)
     start = np.searchsorted(of, np.arange(n + 1)).astype(np.int32)
     weights, screen = np.ones(len(to)), np.full(n, 1e-3)
-    diagonal = screen + np.bincount(of, weights, n)
+    diagonal = screen.copy()
+    np.add.at(diagonal, of, weights)
     system = LinearSystem(start, to, weights, screen, diagonal)
     solve(system, np.linspace(-1.0, 1.0, n), 1e-6, multigrid=True)

@@ -2,9 +2,9 @@
 """Run each filter once on tiny examples: all kernels that hosts call, with all their types.
 
 The extension's library of kernels is made of these, and numba compiles and keeps them on disk
-elsewhere. The calling code determines the types for which a kernel is compiled, so that code is run. Examples
-have the types that a host reads (`inputs`), with and without masks; settings are the defaults and
-each other choice.
+elsewhere. The calling code determines the types for which a kernel is compiled, so that code is
+run. Examples have the types that a host reads (`inputs`), with and without masks; settings are the
+defaults and each other choice.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ def test_arrays_that_a_kernel_takes_as_views_are_read_in_place(kernels):
 def test_a_kernel_that_raises_raises_here(kernels):
     assert kernels["refuses"](np.ones(1)) == 1.0
     for _ in range(3):
-        with pytest.raises(ValueError, match="^negative$"):
+        with pytest.raises(ValueError, match=r"^negative$"):
             kernels["refuses"](-np.ones(1))
 
 

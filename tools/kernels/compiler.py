@@ -211,13 +211,13 @@ def check_complete(harvests: Iterable[Harvest]) -> None:
     lost = {name for name in lost if not name.startswith(NOT_OF_HOSTS)}
     if lost:
         raise SystemExit(
-            f"The rehearsal calls none of these kernels: {', '.join(sorted(lost))}. Add an example to"
-            " core/rehearsal, or name them in NOT_OF_HOSTS if Blender never runs them."
+            f"The rehearsal calls none of these kernels: {', '.join(sorted(lost))}. Add an example"
+            " to core/rehearsal, or name them in NOT_OF_HOSTS if Blender never runs them."
         )
 
 
 def main() -> None:
-    """Compile what harvests hold: writes kernels.o, wide.o (empty if none are) and kernels.json, the table."""
+    """Compile what harvests hold: writes kernels.o, wide.o (or an empty one), and the table."""
     parser = argparse.ArgumentParser(description="Compile the kernels of harvests.")
     parser.add_argument("platform", choices=TARGETS)
     parser.add_argument("folder", type=Path)

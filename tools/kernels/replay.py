@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Call each kernel of a library with what the rehearsal gave numba, and compare the results.
 
-usage: replay.py FOLDER HARVEST ...      FOLDER has the package, as `build_kernels.py --install` does
+usage: replay.py FOLDER HARVEST ...      FOLDER: where `build_kernels.py --install` put the package
 
-Where numba compiled for the library's processor (``NUMBA_CPU_NAME=x86-64-v2``), all bits must agree.
-Otherwise kernels that sum may differ by rounding.
+Where numba compiled for the library's processor (``NUMBA_CPU_NAME=x86-64-v2``), all bits must
+agree. Otherwise kernels that sum may differ by rounding.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@
     python tools/kernels/replay_elsewhere.py linux-arm64        (needs qemu-aarch64, of qemu-user)
 
 A program in C (replay.c) does it, as there is no Python for these. It prints how many results have
-the bits of numba's here, and fails if one differs by more than rounding. Calls whose results are arrays
-and calls with views are left out.
+the bits of numba's here, and fails if one differs by more than rounding. Calls whose results are
+arrays and calls with views are left out.
 """
 
 from __future__ import annotations
