@@ -81,6 +81,7 @@ def _masks(model: Textured, size: int) -> None:
 
 def _gains(model: Textured, size: int) -> None:
     solver = TextureSolver(*model, picture(np.float32, (size, size, 4)))
+    solver.filtered(2.0)
     gains = np.ones((size, size))
     for row in (0, size // 2):
         gains[row:] = 2.0

@@ -57,14 +57,6 @@ def turned_zone(mesh: TriangleMesh, old: Floats, new: Floats) -> npt.NDArray[np.
     return grown(mesh, turned & (mesh.areas > 0))
 
 
-def mixed_normals(old: Floats, new: Floats, shares: Floats) -> Floats:
-    """Mix unit normals by shares (m,) of the new ones; a share of 0 keeps every bit."""
-    mixed = np.empty_like(old)
-    with aside("Sharpening"):
-        run(_mix, len(old), old, new, shares, mixed)
-    return mixed
-
-
 def grown(mesh: TriangleMesh, zone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Add the faces that share a vertex with those of a zone: (m,) -> (m,)."""
     with aside("Aligning creases"):
@@ -143,16 +135,3 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
                         most, choice = side, g
         out[f] = means[choice]
         make_unit(out[f])
-
-
-@kernel
-def _mix(start, stop, old, new, shares, mixed):
-    for f in range(start, stop):
-        mixed[f] = old[f]
-        if shares[f] > 0:
-            x = old[f, 0] + shares[f] * (new[f, 0] - old[f, 0])
-            y = old[f, 1] + shares[f] * (new[f, 1] - old[f, 1])
-            z = old[f, 2] + shares[f] * (new[f, 2] - old[f, 2])
-            length = np.sqrt(x * x + y * y + z * z)
-            if length > 1e-12:
-                mixed[f, 0], mixed[f, 1], mixed[f, 2] = x / length, y / length, z / length

@@ -41,7 +41,7 @@ def types() -> set[str]:
     return {
         f"{kernel.py_func.__module__}.{kernel.py_func.__name__}{signature}"
         for kernel in imported_kernels()
-        for signature in kernel.overloads
+        for signature in getattr(kernel, "overloads", ())  # of the library: it raises
     }
 
 

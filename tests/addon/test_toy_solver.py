@@ -173,7 +173,7 @@ from shock_filter.shock_addon.preview import images as preview_images
 from shock_filter.shock_addon.ui import manual
 
 def compiled():
-    return sum(len(kernel.overloads) for kernel in rehearsal.imported_kernels())
+    return sum(len(getattr(kernel, "overloads", ())) for kernel in rehearsal.imported_kernels())
 
 runs = [each for each in rehearsal._runs({"texture"}) if "smooth_by_curvature" in each.args]
 sizes = [each().recolored.colors.shape[0] for each in runs]

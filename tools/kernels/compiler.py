@@ -45,7 +45,15 @@ WIDE = "color.learned.", "mixture."
 """Modules whose kernels, networks over many values, are a third faster in wider registers. No sums
 are reordered there, so that results have the same bits."""
 
-NOT_OF_HOSTS = "advection.convolution:", "advection.dye:", "advection.opacity:", "color.pde:"
+NOT_OF_HOSTS = (
+    "advection.convolution:",
+    "advection.dye:",
+    "advection.opacity:",
+    "advection.sharpening:",
+    "beltrami.grid_smoothing:_measure_areas",  # of positions beside colors
+    "color.pde:",
+    "elements.multigrid:_transpose_back",  # a product, for tests
+)
 """Kernels that only `core` and the command line have."""
 
 _WRAPPER = re.compile(r'^define [^@]*@"?(_ZN7cpython|cfunc)', re.MULTILINE)
