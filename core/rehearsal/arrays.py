@@ -16,6 +16,7 @@ from ..linear.cg import solve
 from ..linear.system import LinearSystem
 from ..mesh.triangle_mesh import TriangleMesh
 from ..registry import Filter
+from ..sparse.matrix import added, applied, from_triples, in_order, product, transposed
 from ..texture.gradient_domain import TextureSolver
 
 TYPES = np.uint8, np.uint16, np.float32, np.float64
@@ -41,15 +42,17 @@ def runs_on_textures(rows: list[Filter], model: Textured, size: int) -> Iterator
     """Yield runs of filters on textures of all types, and of masks."""
     for row in rows:
         for dtype in TYPES:
-            yield partial(_filter_texture, row, model, picture(dtype, (size, size, 3)))
+            yield partial(_filter_texture, row, model, dtype, size)
     yield partial(_masks, model, size)
     yield partial(_gains, model, size)
 
 
 def runs_on_meshes(mesh: TriangleMesh) -> Iterator[Callable[[], Any]]:
-    """Yield what few meshes need: borders without crests, and slow solves."""
+    """Yield what few meshes need: borders without crests, slow solves, and repeated entries."""
     yield partial(_few_borders, mesh)
     yield _slow_solve
+    for dtype in (np.float32, np.float64):
+        yield partial(_sparse, dtype)
 
 
 def picture(dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray:
@@ -71,8 +74,8 @@ def _filter_image(row: Filter, settings: Any, dtype: npt.DTypeLike, shape: tuple
         filter_image(image, settings, mask=each)
 
 
-def _filter_texture(row: Filter, model: Textured, image: npt.NDArray) -> None:
-    row.load()(*model, image)
+def _filter_texture(row: Filter, model: Textured, dtype: npt.DTypeLike, size: int) -> None:
+    row.load()(*model, picture(dtype, (size, size, 3)))
 
 
 def _masks(model: Textured, size: int) -> None:
@@ -108,3 +111,11 @@ def _slow_solve() -> None:
     np.add.at(diagonal, of, weights)
     system = LinearSystem(start, to, weights, screen, diagonal)
     solve(system, np.linspace(-1.0, 1.0, n), 1e-6, multigrid=True)
+
+
+def _sparse(dtype: npt.DTypeLike) -> None:
+    # With repeated entries, and rows out of order.
+    places = np.array([1, 0, 1, 2]), np.array([2, 1, 2, 0])
+    a = from_triples(*places, np.ones(4, dtype), (3, 3))
+    applied(product(a, transposed(added(a, a))), np.ones((3, 2), dtype))
+    in_order(a._replace(columns=np.ascontiguousarray(a.columns[::-1])))
