@@ -2,7 +2,7 @@
 """Make a release in ``dist/release/``: all that people install, or a sentence that says why not.
 
 - ``repository/``: the zips of all platforms, and ``index.json``: an extension repository
-- ``python/``: the wheel and the sdist
+- ``python/``: the wheel and the sdist, and the wheels of compiled kernels
 - ``manual/``: the manual as pages
 - ``NOTES.md``: what is new, out of CHANGELOG.md
 - ``SHA256SUMS``: checksums of all files
@@ -24,6 +24,7 @@ import tempfile
 from pathlib import Path
 
 import build_extension
+import build_kernels
 from build_extension import DIST, ROOT
 
 RELEASE = DIST / "release"
@@ -163,6 +164,8 @@ def build_all(folder: Path, news: str) -> None:
         build_extension.build(platform, repository / build_extension.zip_name(platform))
     build_extension.make_repository(repository)
     build_python(folder / "python")
+    for platform in build_extension.PLATFORMS:
+        shutil.copy(build_kernels.build(platform), folder / "python")
     shutil.copytree(ROOT / build_extension.MANUAL, folder / "manual")
     (folder / "NOTES.md").write_text(news, encoding="utf-8")
     write_sums(folder)

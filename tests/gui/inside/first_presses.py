@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A session after installing: each button is pressed for the first time."""
+"""A session after installing: each button is pressed for the first time, and once more."""
 
 import sys
 import time
@@ -12,7 +12,7 @@ _OF_IMAGES = ("texture", "textures", "image")
 
 
 def scenario() -> Steps:
-    """Open the tab, and press each button once."""
+    """Open the tab, and press each button twice."""
     scene.clear()
     monkey = scene.add_monkey("Monkey", 2)
     add_texture(monkey)
@@ -33,14 +33,13 @@ def presses() -> Steps:
     presses = [(name, {"image": "Coat"} if name.endswith(_OF_IMAGES) else {}) for name in operators]
     for operator, words in presses + generated:
         small = {"image_size": "256", "pattern_steps": 50} if operator == "generate" else {}
-        began = time.perf_counter()
-        with over("VIEW_3D"):
-            result = getattr(bpy.ops.shock_filter, operator)(**words, **small)
-        report["_".join([operator, *words.values()] if small else [operator])] = {
-            "result": sorted(result),
-            "seconds": time.perf_counter() - began,
-        }
-        yield 0.2
+        seen = report["_".join([operator, *words.values()] if small else [operator])] = []
+        for _ in range(2):
+            began = time.perf_counter()
+            with over("VIEW_3D"):
+                result = getattr(bpy.ops.shock_filter, operator)(**words, **small)
+            seen.append({"result": sorted(result), "seconds": time.perf_counter() - began})
+            yield 0.2
 
 
 def add_texture(obj: bpy.types.Object) -> None:
