@@ -244,6 +244,7 @@ class TextureAtlas:
         """Copy an image (h, w, c) to the sheet, scaled to white = 1: (rows, columns, c)."""
         scale = SCALES[pixels.dtype.name]
         values = np.zeros((*self.sheet.nodes.shape, pixels.shape[2]), dtype=np.float32)
+        pixels = np.ascontiguousarray(pixels)
         run(_gather, len(values), self.charts, self.sheet, pixels, scale, values, chunk=ROWS)
         return values
 
