@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measure own sparse matrices, graphs and searches beside those of scipy.
 
-``python benchmarks/sparse_matrices.py`` prints a table. The fastest of several runs counts; scipy's k-d tree
-answers on all cores, too.
+``python benchmarks/sparse_matrices.py`` prints a table. The fastest of several runs counts; scipy's
+k-d tree answers on all cores, too.
 """
 
 from __future__ import annotations

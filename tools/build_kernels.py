@@ -198,8 +198,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Build wheels of compiled kernels.")
     parser.add_argument("--platform", nargs="+", choices=PLATFORMS, default=list(PLATFORMS))
     parser.add_argument("--install", type=Path, help="unpack this system's wheel into a folder")
+    parser.add_argument("--rehearse", action="store_true", help="only run numba, and keep its IR")
     given = parser.parse_args()
     PLACE.mkdir(exist_ok=True)
+    if given.rehearse:
+        harvest()
+        return
     for platform in given.platform:
         wheel = build(platform)
         print(f"{wheel.stat().st_size / 1e6:6.2f} MB  {wheel.name}", flush=True)
