@@ -18,3 +18,15 @@ def test_each_way_brings_a_version_that_works(fresh):
 
 def test_settings_survive_the_update(fresh):
     assert fresh["time"] == 77.0
+
+
+def test_a_mesh_is_sharpened_right_after_the_zip_was_dropped(fresh, capsys):
+    blenders, ours = fresh["seconds"]
+    with capsys.disabled():
+        print(f"\ninstalling: {blenders:.1f} s; the first mesh after it: {ours:.2f} s")
+    assert fresh["sharpened"] == ["FINISHED"]
+
+
+def test_disabled_and_enabled_again_it_works(fresh):
+    assert [version for version, _ in fresh["again"]] == [build_extension.version()] * 2
+    assert all(change > 0.05 for _, change in fresh["again"])

@@ -46,9 +46,22 @@ def scenario() -> Steps:
         zip_file = str(Path.home() / "extension.zip")
         bpy.ops.extensions.package_install_files("INVOKE_DEFAULT", url=zip_file)
     yield DRAWN
+    began = time.perf_counter()
     yield from press("Return")
     yield from until(version)
+    installed = time.perf_counter()
+    report["sharpened"] = sharpened_mesh()
+    report["seconds"] = installed - began, time.perf_counter() - installed
     report["dropped"] = version(), largest_change()
+
+    (module,) = [each.module for each in preferences.addons if each.module.endswith("shock_filter")]
+    report["again"] = []
+    for _ in range(2):
+        bpy.ops.preferences.addon_disable(module=module)
+        yield DRAWN
+        bpy.ops.preferences.addon_enable(module=module)
+        yield DRAWN
+        report["again"].append((version(), largest_change()))
 
 
 def refreshed() -> int:
@@ -75,6 +88,12 @@ def until(reached: Callable[[], object], limit: float = 120.0) -> Steps:
             raise TimeoutError("Blender has not done it.")
         yield 0.2
     yield DRAWN
+
+
+def sharpened_mesh() -> list[str]:
+    """Sharpen a mesh; return what Blender says of it."""
+    bpy.ops.mesh.primitive_monkey_add()
+    return sorted(bpy.ops.shock_filter.sharpen_geometry())
 
 
 def largest_change() -> float:
