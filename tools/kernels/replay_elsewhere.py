@@ -37,7 +37,7 @@ def parts(value: Any) -> list[Any]:
 
 def write_call(file: BinaryIO, call: Call, symbol: str, result: Any) -> bool:
     """Write a call as replay.c reads it; False if it cannot."""
-    if isinstance(call.result, np.ndarray):
+    if any(isinstance(each, np.ndarray) for each in parts(call.result)):
         return False
     values, after = parts(call.before), parts(call.after)
     given = [each for each in values if isinstance(each, np.ndarray)]
