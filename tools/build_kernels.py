@@ -5,7 +5,7 @@
 
 numba compiles the kernels in a rehearsal (tools/kernels/harvest.py), LLVM compiles them for each
 platform (tools/kernels/compiler.py), and zig links them. Wheels of the same sources are kept in
-``.kernels/``; two builds give the same bytes.
+``.kernels/``; one rehearsal gives the same bytes each time.
 """
 
 from __future__ import annotations

@@ -376,6 +376,13 @@ class _Result:
         return found
 
 
+_UNREADABLE = (
+    pickle.UnpicklingError, EOFError, ImportError, AttributeError, IndexError, TypeError,
+    ValueError,
+)  # fmt: skip
+"""Errors from reading an exception that this process cannot make."""
+
+
 def _error(name: str, status: int, error: Any) -> Exception:
     # numba keeps the class and the arguments of an exception pickled.
     if status == 1 and error.value:
@@ -384,6 +391,6 @@ def _error(name: str, status: int, error: Any) -> Exception:
         try:
             kind, arguments, *_ = pickle.loads(ctypes.string_at(data, size))
             return kind(*arguments) if kind else RuntimeError(name)
-        except Exception as problem:
+        except _UNREADABLE as problem:
             return RuntimeError(f"{name} failed, and its error cannot be read: {problem!r}")
     return RuntimeError(f"{name} failed with status {status}.")
