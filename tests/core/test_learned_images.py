@@ -419,6 +419,11 @@ def test_logarithms_are_exact_enough():
     np.testing.assert_allclose(found, 0.5 * np.log(values + 1e-5) + 2, atol=2e-4)
 
 
+def test_logarithms_of_nan_are_the_same_on_all_processors():
+    nan = np.array([0x7FC00000, 0xFFC00000], np.uint32).view(np.float32)  # of ARM, of x86
+    assert half_log(nan[0]) == half_log(nan[1]) == pytest.approx(-42.1588, abs=1e-3)
+
+
 def test_planes_hold_hidden_pixels_as_0_and_ranges_without_them():
     pixels = np.full((9, 9, 2), 200, np.uint8)
     pixels[:, 4:, 1] = 0

@@ -17,31 +17,43 @@ REPOSITORY = "shock_releases"
 
 
 def scenario() -> Steps:
-    """Add the repository, install, use, update, use, remove, and drop the zip."""
+    """Install, use, update, use and remove, twice; drop the zip; then have two copies."""
     preferences = bpy.context.preferences
     preferences.system.use_online_access = True  # asked for even where files are read
     url = (RELEASES / "index.json").as_uri()
     preferences.extensions.repos.new(name="Shock Filter", module=REPOSITORY, remote_url=url)
-    one = {"repo_index": refreshed(), "pkg_id": "shock_filter"}
-    with over():
-        bpy.ops.extensions.package_install("INVOKE_DEFAULT", enable_on_install=True, **one)
-    yield from until(version)
-    report["installed"] = version(), largest_change()
-    bpy.context.scene.shock_filter.geometry.time = 77.0
+    report["rounds"] = []
+    for _ in range(2):
+        yield from install_update_remove()
+    yield from drop_zip()
+    yield from enable_again(user_default())
+    yield from install_second_copy()
 
-    RELEASES.rename(RELEASES.with_name("older"))
-    RELEASES.with_name("newer").rename(RELEASES)
+
+def install_update_remove() -> Steps:
+    """Install from the repository, update, and remove; the repository is as before then."""
+    with over():
+        bpy.ops.extensions.package_install("INVOKE_DEFAULT", enable_on_install=True, **package())
+    yield from until(version)
+    installed = version(), largest_change()
+    bpy.context.scene.shock_filter.geometry.time = 77.0
+    exchange_releases()
     refreshed()
     with over():
         bpy.ops.extensions.package_upgrade_all("INVOKE_DEFAULT")
-    yield from until(lambda: version() not in ("", report["installed"][0]))
-    report["updated"] = version(), largest_change()
-    report["time"] = bpy.context.scene.shock_filter.geometry.time
-
+    yield from until(lambda: version() not in ("", installed[0]))
+    updated = version(), largest_change()
+    time_set = bpy.context.scene.shock_filter.geometry.time
     with over():
-        bpy.ops.extensions.package_uninstall("INVOKE_DEFAULT", **one)
+        bpy.ops.extensions.package_uninstall("INVOKE_DEFAULT", **package())
     yield from until(lambda: not version())
+    exchange_releases()
+    refreshed()
+    report["rounds"].append({"installed": installed, "updated": updated, "time": time_set})
 
+
+def drop_zip() -> Steps:
+    """Drop the zip onto the window, and sharpen a mesh at once."""
     with over():  # as Blender does with a file that is dropped: it asks
         zip_file = str(Path.home() / "extension.zip")
         bpy.ops.extensions.package_install_files("INVOKE_DEFAULT", url=zip_file)
@@ -54,7 +66,9 @@ def scenario() -> Steps:
     report["seconds"] = installed - began, time.perf_counter() - installed
     report["dropped"] = version(), largest_change()
 
-    (module,) = [each.module for each in preferences.addons if each.module.endswith("shock_filter")]
+
+def enable_again(module: str) -> Steps:
+    """Disable and enable the extension, twice."""
     report["again"] = []
     for _ in range(2):
         bpy.ops.preferences.addon_disable(module=module)
@@ -62,6 +76,53 @@ def scenario() -> Steps:
         bpy.ops.preferences.addon_enable(module=module)
         yield DRAWN
         report["again"].append((version(), largest_change()))
+
+
+def install_second_copy() -> Steps:
+    """Install the newer version beside the dropped one; use each, then remove both."""
+    first, second = user_default(), f"bl_ext.{REPOSITORY}.shock_filter"
+    exchange_releases()
+    refreshed()
+    with over():
+        bpy.ops.extensions.package_install("INVOKE_DEFAULT", enable_on_install=False, **package())
+    yield from until(
+        (Path(bpy.utils.user_resource("EXTENSIONS")) / REPOSITORY / "shock_filter").exists
+    )
+    try:
+        bpy.ops.preferences.addon_enable(module=second)
+    except RuntimeError as refused:  # an error that an operator reports
+        report["refused"] = str(refused)
+    report["both"] = [(version(), largest_change())]
+    for _ in range(2):
+        for off, on in ((first, second), (second, first)):
+            bpy.ops.preferences.addon_disable(module=off)
+            bpy.ops.preferences.addon_enable(module=on)
+            yield DRAWN
+            report["both"].append((version(), largest_change()))
+    with over():
+        bpy.ops.extensions.package_uninstall("INVOKE_DEFAULT", **package())
+    yield DRAWN
+    report["both"].append((version(), largest_change()))
+
+
+def package() -> dict[str, object]:
+    """Return what names the extension to Blender's operators."""
+    return {"repo_index": refreshed(), "pkg_id": "shock_filter"}
+
+
+def exchange_releases() -> None:
+    """Have the repository hold the newer version, or the older one again."""
+    other, between = RELEASES.with_name("newer"), RELEASES.with_name("between")
+    RELEASES.rename(between)
+    other.rename(RELEASES)
+    between.rename(other)
+
+
+def user_default() -> str:
+    """Return the name of the module of a dropped zip."""
+    addons = bpy.context.preferences.addons
+    (module,) = [each.module for each in addons if each.module.endswith(".shock_filter")]
+    return module
 
 
 def refreshed() -> int:
@@ -75,8 +136,9 @@ def refreshed() -> int:
 def version() -> str:
     """Return the version that is at work, out of any repository; empty where there is none."""
     for addon in bpy.context.preferences.addons:
-        if addon.module.endswith(".shock_filter") and addon.module in sys.modules:
-            return sys.modules[addon.module].__version__
+        module = sys.modules.get(addon.module)
+        if addon.module.endswith(".shock_filter") and getattr(module, "__addon_enabled__", False):
+            return module.__version__
     return ""
 
 
