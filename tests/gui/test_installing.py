@@ -42,7 +42,7 @@ def test_disabled_and_enabled_again_it_works(fresh):
 
 
 def test_a_second_copy_is_refused_with_the_remedy(fresh):
-    assert "is enabled already, as bl_ext.user_default.shock_filter" in fresh["refused"]
+    assert f"{build_extension.version()} is enabled already, as bl_ext." in fresh["refused"]
 
 
 def test_two_copies_take_turns_and_each_works(fresh):

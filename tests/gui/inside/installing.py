@@ -22,11 +22,12 @@ def scenario() -> Steps:
     preferences.system.use_online_access = True  # asked for even where files are read
     url = (RELEASES / "index.json").as_uri()
     preferences.extensions.repos.new(name="Shock Filter", module=REPOSITORY, remote_url=url)
+    yield from refresh()
     report["rounds"] = []
     for _ in range(2):
         yield from install_update_remove()
     yield from drop_zip()
-    yield from enable_again(user_default())
+    yield from enable_again(enabled_module())
     yield from install_second_copy()
 
 
@@ -38,7 +39,7 @@ def install_update_remove() -> Steps:
     installed = version(), largest_change()
     bpy.context.scene.shock_filter.geometry.time = 77.0
     exchange_releases()
-    refreshed()
+    yield from refresh()
     with over():
         bpy.ops.extensions.package_upgrade_all("INVOKE_DEFAULT")
     yield from until(lambda: version() not in ("", installed[0]))
@@ -48,7 +49,7 @@ def install_update_remove() -> Steps:
         bpy.ops.extensions.package_uninstall("INVOKE_DEFAULT", **package())
     yield from until(lambda: not version())
     exchange_releases()
-    refreshed()
+    yield from refresh()
     report["rounds"].append({"installed": installed, "updated": updated, "time": time_set})
 
 
@@ -79,35 +80,35 @@ def enable_again(module: str) -> Steps:
 
 
 def install_second_copy() -> Steps:
-    """Install the newer version beside the dropped one; use each, then remove both."""
-    first, second = user_default(), f"bl_ext.{REPOSITORY}.shock_filter"
-    exchange_releases()
-    refreshed()
-    with over():
-        bpy.ops.extensions.package_install("INVOKE_DEFAULT", enable_on_install=False, **package())
-    yield from until(
-        (Path(bpy.utils.user_resource("EXTENSIONS")) / REPOSITORY / "shock_filter").exists
+    """Install the newer version into another repository; use each, then remove the second."""
+    first, second = enabled_module(), "bl_ext.user_default.shock_filter"
+    newer = str(RELEASES.with_name("newer") / "newer.zip")
+    bpy.ops.extensions.package_install_files(
+        filepath=newer, repo="user_default", enable_on_install=False
     )
     try:
         bpy.ops.preferences.addon_enable(module=second)
     except RuntimeError as refused:  # an error that an operator reports
         report["refused"] = str(refused)
     report["both"] = [(version(), largest_change())]
-    for _ in range(2):
-        for off, on in ((first, second), (second, first)):
-            bpy.ops.preferences.addon_disable(module=off)
-            bpy.ops.preferences.addon_enable(module=on)
-            yield DRAWN
-            report["both"].append((version(), largest_change()))
-    with over():
-        bpy.ops.extensions.package_uninstall("INVOKE_DEFAULT", **package())
+    for off, on in 2 * ((first, second), (second, first)):
+        bpy.ops.preferences.addon_disable(module=off)
+        bpy.ops.preferences.addon_enable(module=on)
+        yield DRAWN
+        report["both"].append((version(), largest_change()))
+    (number,) = [
+        i
+        for i, repo in enumerate(bpy.context.preferences.extensions.repos)
+        if repo.module == "user_default"
+    ]
+    bpy.ops.extensions.package_uninstall(repo_index=number, pkg_id="shock_filter")
     yield DRAWN
     report["both"].append((version(), largest_change()))
 
 
 def package() -> dict[str, object]:
     """Return what names the extension to Blender's operators."""
-    return {"repo_index": refreshed(), "pkg_id": "shock_filter"}
+    return {"repo_index": repository(), "pkg_id": "shock_filter"}
 
 
 def exchange_releases() -> None:
@@ -118,19 +119,33 @@ def exchange_releases() -> None:
     between.rename(other)
 
 
-def user_default() -> str:
-    """Return the name of the module of a dropped zip."""
+def enabled_module() -> str:
+    """Return the name of the module that is enabled."""
     addons = bpy.context.preferences.addons
     (module,) = [each.module for each in addons if each.module.endswith(".shock_filter")]
     return module
 
 
-def refreshed() -> int:
-    """Have Blender read the repository; return its number."""
+def repository() -> int:
+    """Return the number of the repository."""
     repos = bpy.context.preferences.extensions.repos
     (number,) = [i for i, repo in enumerate(repos) if repo.module == REPOSITORY]
-    bpy.ops.extensions.repo_sync(repo_index=number)
     return number
+
+
+def refresh() -> Steps:
+    """Have Blender read the repository, once its last job there has ended."""
+
+    def is_read() -> bool:
+        try:
+            bpy.ops.extensions.repo_sync(repo_index=repository())
+        except RuntimeError as problem:
+            if "lock" not in str(problem):
+                raise
+            return False
+        return True
+
+    yield from until(is_read)
 
 
 def version() -> str:
