@@ -190,6 +190,18 @@ def test_hidden_pixels_lend_no_color_and_stay_hidden():
     assert (one[:, 151:, :3] != image[:, 151:, :3]).any()
 
 
+def test_the_report_says_that_opacity_was_sharpened():
+    alpha = ndimage.gaussian_filter(logo()[..., 3], 1.5).astype(np.float32)
+    image = np.concatenate([np.full((*alpha.shape, 3), 0.5, np.float32), alpha[..., None]], axis=2)
+    with gathering() as findings:
+        core.sharpen_image(image)
+    assert "Opacity was sharpened, too." in map(str, findings)
+    image[..., 3] = 1
+    with gathering() as findings:
+        core.sharpen_image(image)
+    assert "Opacity was sharpened, too." not in map(str, findings)
+
+
 def test_even_opacity_changes_nothing():
     color = scene(14)
     plain = core.sharpen_image(color)
