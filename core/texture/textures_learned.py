@@ -60,8 +60,9 @@ def sharpen_texels_learned(
     if told:
         with aside("Measuring borders"):
             borders = measure_borders(values, 1.0, channels, inside=inside)
-    planes = TexelPlanes.of_texels(surface, values, channels)
-    with phase(0.0, 0.2, "Sharpening"):
+    with phase(0.0, 0.1, "Sharpening"):
+        planes = TexelPlanes.of_texels(surface, values, channels)
+    with phase(0.1, 0.2, "Sharpening"):
         detail = _detail(planes)
     square = min(settings.width / WIDTH_OF_SIGMA, WIDEST) ** 2
     nearest = settings.sampling == "nearest"

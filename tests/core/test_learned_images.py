@@ -394,6 +394,19 @@ def test_what_was_done_is_told():
         assert str(found[0]).startswith(words)
 
 
+def test_the_way_to_close_wide_borders_is_told():
+    before = Borders(width=16.0, number=100, detail=1.0)
+    advice = "pixels wide; in flat colors, What: Drawing closes them."
+    for after, words in (
+        (None, f"Borders stay 16.0 {advice}"),
+        (Borders(width=15.0, number=90, detail=1.5), f"Borders stay 15.0 {advice}"),
+        (Borders(width=2.0, number=90, detail=1.5), "Borders 16.0 pixels wide, closed to 2.0."),
+    ):
+        with gathering() as found:
+            tell_learned("pixels", before, after)
+        assert str(found[0]).startswith(words)
+
+
 def test_results_move_as_little_as_images_do():
     truth = drawing(30)
     rise = texture(31) - 0.5

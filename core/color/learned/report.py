@@ -10,6 +10,10 @@ _NARROWER = 0.95
 """Borders whose width in the result is at least so much of the old one stayed as they were."""
 
 
+_WIDE = 8.0
+"""Networks have seen blurs of up to 2.5 pixels, borders of about 6; wider ones may stay."""
+
+
 def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
     """Report what sharpening did.
 
@@ -21,7 +25,10 @@ def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
         Measurements of an image and of its result; None if the result is the same.
     """
     width = before.width if before.number else 0.0
-    if after is None:
+    if width > _WIDE and (after is None or after.width > 0.5 * width):
+        text = f"Borders stay {{width:.1f}} {unit} wide; in flat colors, What: Drawing closes them."
+        tell(text, width=width if after is None else after.width)
+    elif after is None:
         if width:
             tell(f"Already sharp: borders {{width:.1f}} {unit} wide.", width=width)
         else:
