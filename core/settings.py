@@ -621,6 +621,34 @@ class StitchSettings(DilateSettings):
 
 
 @_fields
+class FillSettings(DilateSettings):
+    """Settings of :func:`shock_filter.core.fill_texture`."""
+
+    find: str = _setting(
+        "auto",
+        "Which texels are filled",
+        choices={
+            "auto": "Those of the mask; without one, the transparent ones; without these, the unseen"
+            " ones",
+            "opacity": "Those that are wholly transparent, in the mask if there is one",
+            "unseen": "Faces that are black all over, as where no photo saw the surface, in the mask"
+            " if there is one",
+        },
+    )
+    surface: str = _setting(
+        "membrane",
+        "How colors go on into what is filled",
+        choices={
+            "membrane": "As a soap film: between the colors around, without new extremes",
+            "thin_plate": "As a bent plate: slopes go on, too, and it takes longer",
+        },
+    )
+    seams: str = _changed(DilateSettings, "seams", "continue")
+    alpha: str = _alpha()
+    content: str = _content_of_vectors()
+
+
+@_fields
 class DistanceSettings(_Settings):
     """Settings of :func:`shock_filter.core.geodesic_distance`."""
 
