@@ -311,6 +311,18 @@ def _fill_texture() -> Any:
     return _with_mask_as(fill_texture, "missing")
 
 
+def _make_tileable() -> Any:
+    from .repair.tiling import make_tileable
+
+    return make_tileable
+
+
+def _remove_blocks() -> Any:
+    from .repair.blocks import remove_blocks
+
+    return remove_blocks
+
+
 def _geodesic_distance() -> Any:
     from .texture.distance import geodesic_distance
 
@@ -472,6 +484,24 @@ FILTERS: tuple[Filter, ...] = (
         _fill_texture,
         needs_levels=True,
         takes_normals=True,
+    ),
+    Filter(
+        "make_tileable",
+        "repair.tiling",
+        _settings.TileSettings,
+        IMAGE,
+        "make-tileable",
+        "make opposite sides of images meet, so that they can be repeated",
+        _make_tileable,
+    ),
+    Filter(
+        "remove_blocks",
+        "repair.blocks",
+        _settings.BlockSettings,
+        IMAGE,
+        "remove-blocks",
+        "remove the blocks of JPEG compression from images",
+        _remove_blocks,
     ),
     Filter(
         "geodesic_distance",

@@ -649,6 +649,52 @@ class FillSettings(DilateSettings):
 
 
 @_fields
+class TileSettings(_Settings):
+    """Settings of :func:`shock_filter.core.make_tileable`."""
+
+    axes: str = _setting(
+        "both",
+        "Which sides meet",
+        choices={
+            "both": "Left and right, top and bottom",
+            "x": "Left and right",
+            "y": "Top and bottom",
+        },
+    )
+    radius: float = _setting(
+        0.25,
+        "How far steps between the sides are spread out. 0.05 keeps colors farther inside, 1 spreads"
+        " them over the whole picture",
+        unit="of the shorter side",
+        minimum=0.001,
+        maximum=100.0,
+        soft_minimum=0.02,
+        soft_maximum=1.0,
+    )
+    even_light: float = _setting(
+        0.0,
+        "How much of what is brighter or darker over wide parts is taken out, as it would be seen"
+        " again and again. 0 leaves it, 1 takes all",
+        unit="of the light",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+
+
+@_fields
+class BlockSettings(_Settings):
+    """Settings of :func:`shock_filter.core.remove_blocks`."""
+
+    strength: float = _setting(
+        1.0,
+        "How much is smoothed, as a factor of what compression took away. 0 changes nothing",
+        unit="times",
+        maximum=4.0,
+        soft_maximum=2.0,
+    )
+
+
+@_fields
 class DistanceSettings(_Settings):
     """Settings of :func:`shock_filter.core.geodesic_distance`."""
 
