@@ -501,6 +501,7 @@ MODES: list[Mode] = [
         (Target("sharpen_image", dials=("amount", "width")),),
         "Sharpened",
         "images",
+        part="Sharpen",
         announced="Will sharpen: {}",
         advice="for wider edges raise Width",
         about_in_images="Sharpen it as a flat picture",
@@ -634,6 +635,73 @@ MODES: list[Mode] = [
                 "For hairlines: both sides of each seam meet, and all else stays bit for bit",
                 {"where": "seams"},
             ),
+        ),
+    ),
+    Mode(
+        "fill",
+        "Fill",
+        "Fill what a texture lacks from around it on the surface, across seams: transparent texels,"
+        " and faces that no photo saw",
+        "fill_texture",
+        "Fill transparent, unseen or masked texels smoothly from all that is around them on the"
+        " surface, across UV seams; all others stay",
+        (Target("fill_texture", dials=("", "")),),
+        "Filled",
+        "repair#fill-textures",
+        announced="Will fill: {}",
+        advice="what is to be filled may be painted as a mask",
+        about_in_images="Fill what it lacks on the surface of the selected objects that show it",
+        icon="SNAP_FACE",
+        presets=(
+            Preset(
+                "Unseen Faces",
+                "For photogrammetry and generated models: fills faces that are black all over",
+                {"find": "unseen"},
+            ),
+            Preset(
+                "Continue Slopes",
+                "For slow gradients: colors go on as they run in, which takes longer",
+                {"surface": "thin_plate"},
+            ),
+        ),
+    ),
+    Mode(
+        "tile",
+        "Tile",
+        "Make opposite sides of an image meet, so that it can be repeated without joints",
+        "make_tileable",
+        "Make opposite sides of an image meet in color and slope, without ghosts, so that it can be"
+        " repeated",
+        (Target("make_tileable", dials=("radius", "even_light")),),
+        "Joined",
+        "repair#tileable-pictures",
+        announced="Will join sides: {}",
+        about_in_images="Make opposite sides meet, so that it can be repeated without joints",
+        icon="MOD_ARRAY",
+        presets=(
+            Preset(
+                "Even Light",
+                "For photos of ground and walls: light that changes over the picture goes, too",
+                {"even_light": 1.0},
+            ),
+        ),
+    ),
+    Mode(
+        "blocks",
+        "Blocks",
+        "Remove the blocks of JPEG compression from an image; pictures without blocks stay",
+        "remove_blocks",
+        "Remove the blocks and ringing of JPEG compression, found by their grid; edges stay, and"
+        " pictures without blocks",
+        (Target("remove_blocks", dials=("strength", "")),),
+        "Cleaned",
+        "repair#jpeg-blocks",
+        announced="Will clean: {}",
+        advice="blocks of pictures that were scaled or saved twice cannot be found",
+        about_in_images="Remove the blocks of JPEG compression",
+        icon="MESH_GRID",
+        presets=(
+            Preset("Strong", "For pictures that were compressed twice", {"strength": 1.5}),
         ),
     ),
     Mode(

@@ -14,7 +14,7 @@ from ..settings import TileSettings, given_or_default
 _LEAST = 4
 """Least pixels along an axis whose sides are joined."""
 
-_LIGHT = 0.15
+_LIGHT = 0.1
 """Standard deviation of the smoothing that tells light from detail, as a share of the picture."""
 
 
