@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measure how what is missing of a texture is filled, beside filling in the image.
 
-``python benchmarks/filling.py --data FOLDER --write docs/repair-benchmarks.md``. Holes are balls around
-points on seams; a ball made by code stands beside the models. Needs opencv-python-headless for its
-inpainting; push-pull averages what is known in smaller and smaller images and reads it back.
+``python benchmarks/filling.py --data FOLDER --write docs/repair-benchmarks.md``. Holes are balls
+around points on seams; a ball made by code stands beside the models. Needs opencv-python-headless
+for its inpainting; push-pull averages what is known in smaller and smaller images and reads it
+back.
 """
 
 from __future__ import annotations
@@ -155,9 +156,10 @@ def speed(data: Path) -> str:
         spent = now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
         times.append((time.perf_counter() - begin, spent))
     wall, spent = min(times[1:])
+    share = 100 * missing.sum() / atlas.inside.sum()
     return (
-        f"{LARGE} × {LARGE} texels of spot, {100 * missing.sum() / atlas.inside.sum():.0f} % missing:"
-        f" {wall:.1f} s, {spent:.1f} s of both cores together."
+        f"{LARGE} x {LARGE} texels of spot, {share:.0f} % missing: {wall:.1f} s,"
+        f" {spent:.1f} s of all cores together."
     )
 
 

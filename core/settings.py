@@ -628,11 +628,11 @@ class FillSettings(DilateSettings):
         "auto",
         "Which texels are filled",
         choices={
-            "auto": "Those of the mask; without one, the transparent ones; without these, the unseen"
-            " ones",
+            "auto": "Those of the mask; without one, the transparent ones; without these, the"
+            " unseen ones",
             "opacity": "Those that are wholly transparent, in the mask if there is one",
-            "unseen": "Faces that are black all over, as where no photo saw the surface, in the mask"
-            " if there is one",
+            "unseen": "Faces that are black all over, as where no photo saw the surface, in the"
+            " mask if there is one",
         },
     )
     surface: str = _setting(
@@ -663,8 +663,8 @@ class TileSettings(_Settings):
     )
     radius: float = _setting(
         0.25,
-        "How far steps between the sides are spread out. 0.05 keeps colors farther inside, 1 spreads"
-        " them over the whole picture",
+        "How far steps between the sides are spread out. 0.05 keeps colors farther inside, 1"
+        " spreads them over the whole picture",
         unit="of the shorter side",
         minimum=0.001,
         maximum=100.0,

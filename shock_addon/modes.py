@@ -700,9 +700,7 @@ MODES: list[Mode] = [
         advice="blocks of pictures that were scaled or saved twice cannot be found",
         about_in_images="Remove the blocks of JPEG compression",
         icon="MESH_GRID",
-        presets=(
-            Preset("Strong", "For pictures that were compressed twice", {"strength": 1.5}),
-        ),
+        presets=(Preset("Strong", "For pictures that were compressed twice", {"strength": 1.5}),),
     ),
     Mode(
         "generate",

@@ -51,8 +51,8 @@ _THRESHOLD = 0.3
 _NOISE = 0.25
 """Standard deviation of the rounding, in steps."""
 
-_COLORFUL = 0.7
-"""Rounding of color, which is mostly halved in size, relative to its table."""
+_COLORFUL = 1.0
+"""Rounding of color, relative to that of its table."""
 
 
 class Compression(NamedTuple):
@@ -271,9 +271,7 @@ def _smoothed(plane: Floats, table: Floats, done: float) -> Floats:
         return _over_grids(plane, first, weigh)
 
 
-def _over_grids(
-    plane: Floats, guide: Floats, change: Callable[[Floats, Floats], Floats]
-) -> Floats:
+def _over_grids(plane: Floats, guide: Floats, change: Callable[[Floats, Floats], Floats]) -> Floats:
     # The mean over shifted grids of what `change` makes of the coefficients of both.
     height, width = plane.shape
     below, right = -height % BLOCK + BLOCK, -width % BLOCK + BLOCK

@@ -195,9 +195,7 @@ def find_missing(
 
 
 def _settled(texture: Texture, values: _Single, how: str) -> TextureAtlas:
-    return settle_seams(
-        texture.atlas, values, how, least_step(texture.pixels), alpha=texture.alpha
-    )
+    return settle_seams(texture.atlas, values, how, least_step(texture.pixels), alpha=texture.alpha)
 
 
 def _first_guess(

@@ -101,7 +101,7 @@ class Holes:
 
     def _add_points(self) -> None:
         # Points along seams near missing nodes, link by link.
-        whole, nodes = self.whole, self.whole.labels.size
+        nodes = self.whole.labels.size
         of, to = self._links()
         near = self.unknown.copy()
         for _ in range(_LINKS):

@@ -19,7 +19,7 @@ _BLACK = 2.5 / 255
 """Values up to this are black, though bytes were rounded and compressed."""
 
 _STRAY = 0.15
-"""Share of black texels in the faces around a group of black faces from which it counts as painted."""
+"""Share of black texels in the faces around a group of black ones from which it is painted."""
 
 _FEWEST = 16
 """Fewest texels of a group of faces that may be missing."""

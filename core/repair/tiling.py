@@ -55,10 +55,10 @@ def make_tileable(
 
     Notes
     -----
-    For each axis that is joined, the step at the joint, beyond the harmonic mean of the slopes on both sides, is
-    taken by halves from both. The change u solves ``(1 / radius^2 - lap)^2 u = 0`` inside, with slope
-    0 at the joint, so that slopes meet, too; it is the gradient-domain blending of Perez, Gangnet
-    and Blake (2003) with a thin plate in place of the membrane. Fourier transforms along the joint
+    For each axis that is joined, the step at the joint, beyond the harmonic mean of the slopes on
+    both sides, is taken by halves from both. The change u solves ``(1 / radius^2 - lap)^2 u = 0``
+    inside, with slope 0 at the joint; it is the gradient-domain blending of Perez, Gangnet and
+    Blake (2003) with a thin plate in place of the membrane. Fourier transforms along the joint
     solve it. Sides that are not joined are mirrored.
 
     Examples

@@ -184,7 +184,7 @@ def test_a_soft_mask_mixes():
 
 
 def test_normals_are_filled_as_vectors():
-    blocks, mesh, atlas, _, hole = plane(64, 0.4)
+    blocks, mesh, _, _, hole = plane(64, 0.4)
     flat = np.broadcast_to(np.float32([0.5, 0.5, 1.0]), (*hole.shape, 3)).copy()
     flat[hole] = 0.1
     settings = core.FillSettings(content="normals")
