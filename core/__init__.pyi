@@ -72,6 +72,9 @@ from .mesh.weld import (
 from .repair.blocks import (
     remove_blocks,
 )
+from .repair.enlarging import (
+    enlarge_texture,
+)
 from .repair.filling import (
     fill_texture,
     find_missing,
@@ -202,6 +205,7 @@ __all__ = [
     "crisp_low_poly",
     "denoise_geometry",
     "dilate_texture",
+    "enlarge_texture",
     "fill_texture",
     "filter_texture",
     "find_creases",

@@ -597,6 +597,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "shape.fit": ("fit_to_normals",),
     "shape.low_poly": ("LowPoly", "crisp_low_poly"),
     "shape.sharpening": ("geometry_flow", "sharpen_normals"),
+    "repair.enlarging": ("enlarge_texture",),
     "repair.filling": ("find_missing",),
     "texture.gradient_domain": ("TextureSolver",),
     "texture.normal_maps": ("object_normals", "tangent_normals"),

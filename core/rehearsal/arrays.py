@@ -45,6 +45,7 @@ def runs_on_textures(rows: list[Filter], model: Textured, size: int) -> Iterator
     for row in rows:
         for dtype in TYPES:
             yield partial(_filter_texture, row, model, dtype, size)
+    for dtype in TYPES:
         yield partial(_fill, model, dtype, size)
     yield partial(_masks, model, size)
     yield partial(_gains, model, size)
