@@ -69,15 +69,30 @@ from .mesh.weld import (
     weld,
     weld_borders,
 )
+from .repair.blocks import (
+    remove_blocks,
+)
+from .repair.enlarging import (
+    enlarge_texture,
+)
+from .repair.filling import (
+    fill_texture,
+    find_missing,
+)
+from .repair.tiling import (
+    make_tileable,
+)
 from .settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,
     BeltramiTextureSettings,
+    BlockSettings,
     ConvolutionSettings,
     DilateSettings,
     DistanceSettings,
     DyeSettings,
+    FillSettings,
     FilterSettings,
     FitSettings,
     GeometrySettings,
@@ -88,6 +103,7 @@ from .settings import (
     StitchSettings,
     StreakSettings,
     TextureSettings,
+    TileSettings,
 )
 from .shape.crease_lines import (
     CreaseLine,
@@ -144,6 +160,7 @@ __all__ = [
     "BeltramiMeshSettings",
     "BeltramiSettings",
     "BeltramiTextureSettings",
+    "BlockSettings",
     "Cancelled",
     "ConvolutionSettings",
     "CreaseLine",
@@ -151,6 +168,7 @@ __all__ = [
     "DistanceSettings",
     "DyeSettings",
     "DyeSource",
+    "FillSettings",
     "FilterSettings",
     "FitSettings",
     "GeometrySettings",
@@ -170,6 +188,7 @@ __all__ = [
     "TextureAtlas",
     "TextureSettings",
     "TextureSolver",
+    "TileSettings",
     "TriangleMesh",
     "UVReport",
     "advect_dye",
@@ -186,8 +205,11 @@ __all__ = [
     "crisp_low_poly",
     "denoise_geometry",
     "dilate_texture",
+    "enlarge_texture",
+    "fill_texture",
     "filter_texture",
     "find_creases",
+    "find_missing",
     "fit_to_normals",
     "flow_field",
     "flow_frames",
@@ -196,11 +218,13 @@ __all__ = [
     "geometry_flow",
     "gradient_directions",
     "line_integral_convolution",
+    "make_tileable",
     "object_normals",
     "osher_rudin_image",
     "principal_curvatures",
     "principal_directions",
     "reaction_diffusion",
+    "remove_blocks",
     "sharpen_corner_signal",
     "sharpen_geometry",
     "sharpen_image",

@@ -308,6 +308,24 @@ def _stitch_textures() -> Any:
     return stitch_textures
 
 
+def _fill_texture() -> Any:
+    from .repair.filling import fill_texture
+
+    return _with_mask_as(fill_texture, "missing")
+
+
+def _make_tileable() -> Any:
+    from .repair.tiling import make_tileable
+
+    return make_tileable
+
+
+def _remove_blocks() -> Any:
+    from .repair.blocks import remove_blocks
+
+    return remove_blocks
+
+
 def _geodesic_distance() -> Any:
     from .texture.distance import geodesic_distance
 
@@ -461,6 +479,35 @@ FILTERS: tuple[Filter, ...] = (
         takes_normals=True,
     ),
     Filter(
+        "fill_texture",
+        "repair.filling",
+        _settings.FillSettings,
+        TEXTURE,
+        "fill-texture",
+        "fill what a texture lacks from around it on the surface, across seams",
+        _fill_texture,
+        needs_levels=True,
+        takes_normals=True,
+    ),
+    Filter(
+        "make_tileable",
+        "repair.tiling",
+        _settings.TileSettings,
+        IMAGE,
+        "make-tileable",
+        "make opposite sides of images meet, so that they can be repeated",
+        _make_tileable,
+    ),
+    Filter(
+        "remove_blocks",
+        "repair.blocks",
+        _settings.BlockSettings,
+        IMAGE,
+        "remove-blocks",
+        "remove the blocks of JPEG compression from images",
+        _remove_blocks,
+    ),
+    Filter(
         "geodesic_distance",
         "texture.distance",
         _settings.DistanceSettings,
@@ -554,6 +601,8 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "shape.fit": ("fit_to_normals",),
     "shape.low_poly": ("LowPoly", "crisp_low_poly"),
     "shape.sharpening": ("geometry_flow", "sharpen_normals"),
+    "repair.enlarging": ("enlarge_texture",),
+    "repair.filling": ("find_missing",),
     "texture.gradient_domain": ("TextureSolver",),
     "texture.normal_maps": ("object_normals", "tangent_normals"),
     "color.osher_rudin": ("osher_rudin_image",),
@@ -582,6 +631,11 @@ def kernel_modules() -> list[str]:
     """List the modules, by their full names, whose import brings up all kernels."""
     modules = set(public_names().values()) - {"errors", "settings"}
     return [f"{__package__}.{module}" for module in sorted(modules)]
+
+
+def _with_mask_as(function: Any, name: str) -> Any:
+    # A mask says what is missing, rather than where a change is taken.
+    return lambda *data, mask=None, **words: function(*data, **{name: mask}, **words)
 
 
 def _without_mask(function: Any) -> Any:

@@ -621,6 +621,80 @@ class StitchSettings(DilateSettings):
 
 
 @_fields
+class FillSettings(DilateSettings):
+    """Settings of :func:`shock_filter.core.fill_texture`."""
+
+    find: str = _setting(
+        "auto",
+        "Which texels are filled",
+        choices={
+            "auto": "Those of the mask; without one, the transparent ones; without these, the"
+            " unseen ones",
+            "opacity": "Those that are wholly transparent, in the mask if there is one",
+            "unseen": "Faces that are black all over, as where no photo saw the surface, in the"
+            " mask if there is one",
+        },
+    )
+    surface: str = _setting(
+        "membrane",
+        "How colors go on into what is filled",
+        choices={
+            "membrane": "As a soap film: between the colors around, without new extremes",
+            "thin_plate": "As a bent plate: slopes go on, too, and it takes longer",
+        },
+    )
+    seams: str = _changed(DilateSettings, "seams", "continue")
+    alpha: str = _alpha()
+    content: str = _content_of_vectors()
+
+
+@_fields
+class TileSettings(_Settings):
+    """Settings of :func:`shock_filter.core.make_tileable`."""
+
+    axes: str = _setting(
+        "both",
+        "Which sides meet",
+        choices={
+            "both": "Left and right, top and bottom",
+            "x": "Left and right",
+            "y": "Top and bottom",
+        },
+    )
+    radius: float = _setting(
+        0.25,
+        "How far steps between the sides are spread out. 0.05 keeps colors farther inside, 1"
+        " spreads them over the whole picture",
+        unit="of the shorter side",
+        minimum=0.001,
+        maximum=100.0,
+        soft_minimum=0.02,
+        soft_maximum=1.0,
+    )
+    even_light: float = _setting(
+        0.0,
+        "How much of what is brighter or darker over wide parts is taken out, as it would be seen"
+        " again and again. 0 leaves it, 1 takes all",
+        unit="of the light",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+
+
+@_fields
+class BlockSettings(_Settings):
+    """Settings of :func:`shock_filter.core.remove_blocks`."""
+
+    strength: float = _setting(
+        1.0,
+        "How much is smoothed, as a factor of what compression took away. 0 changes nothing",
+        unit="times",
+        maximum=4.0,
+        soft_maximum=2.0,
+    )
+
+
+@_fields
 class DistanceSettings(_Settings):
     """Settings of :func:`shock_filter.core.geodesic_distance`."""
 

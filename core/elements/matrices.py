@@ -169,8 +169,8 @@ class TextureSpace:
             return _integrated(self.atlas, np.stack(parts, axis=1), self.cut_cells.cut)[0]
 
     @cached_property
-    def _components(self) -> Ints:
-        # The connected part of the surface of each unknown: (n,), -1 elsewhere.
+    def components(self) -> Ints:
+        """The connected part of the surface of each unknown: (n,), -1 elsewhere."""
         charts, cut = self.atlas.charts, self.cut_cells
         pieces = cut.pieces
         own = np.repeat(charts.labels[pieces.faces], np.diff(pieces.start))
@@ -189,7 +189,7 @@ class TextureSpace:
 
         `result` may be `values`.
         """
-        parts = self._components
+        parts = self.components
         chunk = -(-len(values) // _CHUNKS)
         count = int(parts.max(initial=0)) + 1
         by_chunk = np.zeros((_CHUNKS, count, values.shape[1] + 1))

@@ -16,6 +16,8 @@ from ..linear.cg import solve
 from ..linear.system import LinearSystem
 from ..mesh.triangle_mesh import TriangleMesh
 from ..registry import Filter
+from ..repair.filling import fill_texture
+from ..settings import FillSettings
 from ..sparse.matrix import added, applied, from_triples, in_order, product, transposed
 from ..texture.gradient_domain import TextureSolver
 
@@ -43,6 +45,8 @@ def runs_on_textures(rows: list[Filter], model: Textured, size: int) -> Iterator
     for row in rows:
         for dtype in TYPES:
             yield partial(_filter_texture, row, model, dtype, size)
+    for dtype in TYPES:
+        yield partial(_fill, model, dtype, size)
     yield partial(_masks, model, size)
     yield partial(_gains, model, size)
 
@@ -76,6 +80,22 @@ def _filter_image(row: Filter, settings: Any, dtype: npt.DTypeLike, shape: tuple
 
 def _filter_texture(row: Filter, model: Textured, dtype: npt.DTypeLike, size: int) -> None:
     row.load()(*model, picture(dtype, (size, size, 3)))
+
+
+def _fill(model: Textured, dtype: npt.DTypeLike, size: int) -> None:
+    # Holes, and parts of the surface of which nothing is known.
+    image, missing = picture(dtype, (size, size, 3)), np.zeros((size, size))
+    missing[size // 8 : size // 4] = 1.0
+    fill_texture(*model, image, FillSettings(surface="thin_plate"), missing=missing)
+    fill_texture(*model, image, FillSettings(seams="auto"), missing=0.5 * missing)
+    mesh, uv = model
+    twice = TriangleMesh(np.concatenate([mesh.vertices, mesh.vertices + 9.0]),
+                         np.concatenate([mesh.faces, mesh.faces + mesh.vertex_count]))  # fmt: skip
+    half = np.concatenate([[0.5, 1.0] * uv, [0.5, 0.0] + [0.5, 1.0] * uv])
+    missing[:, size // 2 :] = 1.0
+    fill_texture(twice, half, image, missing=missing)
+    image[:, size // 2 :] = 0
+    fill_texture(twice, half, image)
 
 
 def _masks(model: Textured, size: int) -> None:

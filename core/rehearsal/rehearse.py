@@ -308,6 +308,7 @@ def _textured(size: int) -> list[TexturedSurface]:
     weights = np.linspace(0.0, 1.0, triangles.size).reshape(-1, 3)
     picture = _image("NONE", size)
     mask = np.full(picture.pixels.shape[:2], 0.5)
+    mask[: size // 2] = 0.0
     faces = TexturedFaces(positions.astype(np.float64), triangles.astype(np.int64), uv, None)
     masked = replace(faces, weights=weights, grays=weights)
     return [

@@ -28,12 +28,15 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import (
     BeltramiTextureSettings,
     DilateSettings,
+    FillSettings,
     FilterSettings,
     StitchSettings,
     TextureSettings,
 )
 
-_WithContent = BeltramiTextureSettings | FilterSettings | StitchSettings | TextureSettings
+_WithContent = (
+    BeltramiTextureSettings | FillSettings | FilterSettings | StitchSettings | TextureSettings
+)
 
 
 class Texture(NamedTuple):
@@ -65,14 +68,16 @@ class Texture(NamedTuple):
 
 
 def normals_of(
-    texture: Texture, settings: FilterSettings | StitchSettings, normals: Floats | None
+    texture: Texture,
+    settings: FillSettings | FilterSettings | StitchSettings,
+    normals: Floats | None,
 ) -> Texture:
     """Return the texture with the frames of its normals, if it holds normals.
 
     Parameters
     ----------
     texture : Texture
-    settings : FilterSettings or StitchSettings
+    settings : FillSettings, FilterSettings or StitchSettings
         Its `content` says whether the texture holds normals.
     normals : (m, 3, 3) float64, optional
         As in `NormalFrames`.

@@ -373,9 +373,12 @@ def test_the_menu_has_the_modes_filters(mode, space, modes):
     of_textures = [
         ("shock_filter.filter_texture",),
         ("shock_filter.stitch_textures",),
+        ("shock_filter.fill_texture",),
         ("shock_filter.dilate_texture",),
     ]
     wanted += of_textures[:-1] * ("texture" in modes)
+    if "image" in modes:
+        wanted += [("shock_filter.make_tileable",), ("shock_filter.remove_blocks",)]
     wanted += [("shock_filter.generate",)] * (
         space == "VIEW_3D" and mode in {"OBJECT", "EDIT_MESH"}
     )
@@ -622,6 +625,7 @@ def test_texture_paint_mode_has_the_menu_in_its_header(rounded_box):
         ("shock_filter.sharpen_texture",),
         ("shock_filter.filter_texture",),
         ("shock_filter.stitch_textures",),
+        ("shock_filter.fill_texture",),
         ("shock_filter.dilate_texture",),
     ]
     bpy.ops.object.mode_set(mode="OBJECT")

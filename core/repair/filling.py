@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Filling of texels that hold nothing, across the surface of a mesh and over its seams."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..atlas.gutter import unit_normals
+from ..atlas.seams import settle_seams
+from ..atlas.sheet import ROWS
+from ..base.checks import LARGEST, SCALES, Floats, by_keyword, checked_image
+from ..base.parallel import run
+from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..elements.matrices import TextureSpace
+from ..elements.surface_values import sheet_values
+from ..grid.channels import opacity_channel
+from ..grid.resize import resized
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import FillSettings, given_or_default
+from ..texture.normal_maps import checked_normals
+from ..texture.texels import (
+    Texture,
+    check_content,
+    checked_atlas,
+    least_step,
+    mix_texels,
+    normals_of,
+    values_of,
+    written,
+)
+from .membrane import Holes
+from .missing import missing_texels
+
+_Single = npt.NDArray[np.float32]
+
+_LESS = 4
+"""By how much smaller the texture is from which a first guess is taken."""
+
+_LARGE = 512
+"""Height or width from which this saves time."""
+
+
+@by_keyword
+def fill_texture(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    image: npt.ArrayLike,
+    settings: FillSettings | None = None,
+    *,
+    missing: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+    normals: npt.ArrayLike | None = None,
+    atlas: TextureAtlas | None = None,
+) -> npt.NDArray:
+    """Fill texels without data smoothly from all that is around them on the surface.
+
+    Known texels stay bit for bit. Colors cross UV seams, so that a hole at a seam is filled from
+    both of its sides.
+
+    Parameters
+    ----------
+    mesh, uv, image, progress, atlas
+        As in `sharpen_texture`.
+    settings : FillSettings, optional
+    missing : (h, w) array of float in [0, 1], or a color, optional
+        1 where a texel is missing; less mixes what is filled in with the image, 0 keeps it bit for
+        bit. Or the color that stands for missing texels, in units of the image, one value a
+        channel. By default missing texels are found, see `FillSettings.find`.
+    normals : (m, 3, 3) array of float, optional
+        As in `filter_texture`.
+
+    Returns
+    -------
+    array like `image`
+        Filled; opacity, too. The gutter around the charts is filled anew. Where nothing is
+        missing, the image bit for bit.
+
+    Raises
+    ------
+    InvalidUV, InvalidSignal, Cancelled
+        As in `sharpen_texture`; also if what is missing does not fit the image, or no texel is
+        known.
+    SolverError
+        If no solution is found.
+
+    See Also
+    --------
+    find_missing : shows what would be filled.
+
+    Notes
+    -----
+    The membrane solves the Laplace equation on the elements of paper B, section 5, with the known
+    texels as boundary values; the thin plate the biharmonic one, with the values and slopes there.
+    A connected part of the surface of which nothing is known takes the colors of the nearest known
+    texels in space, averaged over 16 texels.
+
+    Examples
+    --------
+    The middle of a ramp is missing:
+
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> ramp = np.tile(np.linspace(0.0, 1.0, 16), (16, 1))
+    >>> hole = np.tile((np.arange(16) > 4) & (np.arange(16) < 12), (16, 1))
+    >>> filled = core.fill_texture(mesh, uv, np.where(hole, 0.0, ramp), missing=hole)
+    >>> bool(np.abs(filled - ramp).max() < 1e-3)
+    True
+    """
+    given = checked_image(image, LARGEST)
+    settings = given_or_default(settings, FillSettings)
+    pixels = given.reshape(*given.shape[:2], -1)
+    check_content(pixels, settings)
+    at_corners = checked_normals(mesh, normals)
+    alpha = opacity_channel(pixels.shape[2], settings.alpha)
+    with reporting(progress):
+        with phase(0.0, 0.2, "Finding texels"):
+            texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels, alpha)
+            weights = missing_texels(texture.atlas, pixels, alpha, missing, settings)
+            gone = weights > 0
+            if not (gone & texture.atlas.inside).any():
+                return given.copy()
+            texture = normals_of(texture, settings, at_corners)
+            values = values_of(texture.atlas, pixels, alpha, texture.frames)
+            if settings.seams == "extend":
+                texture = texture._replace(atlas=_settled(texture, values, "extend"))
+        with phase(0.2, 0.8, "Filling"):
+            first = _first_guess(texture, uv, gone, settings, at_corners)
+            result = _filled(texture, values, gone, settings, first)
+            if settings.seams == "auto":
+                # Borders of materials are seen once something stands on both sides.
+                settled = _settled(texture, result, "auto")
+                if settled is not texture.atlas:
+                    texture = texture._replace(atlas=settled)
+                    result = _filled(texture, values, gone, settings, result)
+        with phase(0.8, 1.0, "Filling the gutter"):
+            if (gone & (weights < 1)).any():
+                mix_texels(texture.atlas, values, 1.0, weights, result)
+            texture = texture._replace(opacity_stays=False)
+            return written(texture, result, settings, ~gone).reshape(given.shape)
+
+
+@by_keyword
+def find_missing(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    image: npt.ArrayLike,
+    settings: FillSettings | None = None,
+    *,
+    progress: ProgressCallback | None = None,
+    atlas: TextureAtlas | None = None,
+) -> npt.NDArray[np.bool_]:
+    """Find the texels of a texture that `fill_texture` would fill.
+
+    Parameters
+    ----------
+    mesh, uv, image, progress, atlas
+        As in `sharpen_texture`.
+    settings : FillSettings, optional
+        Its `find` says how.
+
+    Returns
+    -------
+    (h, w) bool
+        Texels whose centres lie in charts.
+
+    Raises
+    ------
+    InvalidUV, InvalidSignal, Cancelled
+        As in `fill_texture`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> image = np.full((16, 16, 4), 0.5)
+    >>> image[4:8, 4:8, 3] = 0.0
+    >>> int(core.find_missing(mesh, uv, image).sum())
+    16
+    """
+    given = checked_image(image, LARGEST)
+    settings = given_or_default(settings, FillSettings)
+    pixels = given.reshape(*given.shape[:2], -1)
+    alpha = opacity_channel(pixels.shape[2], settings.alpha)
+    with reporting(progress), phase(0.0, 1.0, "Finding texels"):
+        atlas = checked_atlas(atlas, mesh, uv, pixels)
+        return (missing_texels(atlas, pixels, alpha, None, settings) > 0) & atlas.inside
+
+
+def _settled(texture: Texture, values: _Single, how: str) -> TextureAtlas:
+    return settle_seams(texture.atlas, values, how, least_step(texture.pixels), alpha=texture.alpha)
+
+
+def _first_guess(
+    texture: Texture,
+    uv: npt.ArrayLike,
+    gone: npt.NDArray[np.bool_],
+    settings: FillSettings,
+    normals: Floats | None,
+) -> _Single | None:
+    # What fills a texture of a quarter of the size, read at this size. Conjugate gradients need
+    # a third of the iterations from there.
+    pixels, mesh = texture.pixels, texture.atlas.mesh
+    height, width, channels = pixels.shape
+    if height % _LESS or width % _LESS or min(height, width) < _LARGE:
+        return None
+    small = height // _LESS, width // _LESS
+    blocks = (small[0], _LESS, small[1], _LESS)
+    known = (~gone & texture.atlas.inside).astype(np.float32)
+    counts = known.reshape(blocks).sum(axis=(1, 3))
+    if not counts.any():
+        return None
+    scale = np.float32(SCALES[pixels.dtype.name])
+    mean = np.empty((*small, channels), dtype=np.float32)
+    for c in range(channels):
+        weighted = (pixels[..., c] * (known * scale)).reshape(blocks).sum(axis=(1, 3))
+        mean[..., c] = weighted / np.maximum(counts, 1)
+    lacking = (counts == 0).astype(np.float64)
+    with phase(0.0, 0.2, "Filling"):
+        quick = settings.changed(surface="membrane", find="auto", seams="continue", gutter=2)
+        filled = fill_texture(mesh, uv, mean, quick, missing=lacking, normals=normals)
+    large = resized(filled, (height, width))
+    return values_of(texture.atlas, large, texture.alpha, texture.frames)
+
+
+def _filled(
+    texture: Texture,
+    values: _Single,
+    gone: npt.NDArray[np.bool_],
+    settings: FillSettings,
+    first: _Single | None,
+) -> _Single:
+    # The values of the nodes inside charts, from a first guess.
+    atlas = texture.atlas
+    is_plate = settings.surface == "thin_plate"
+    with aside("Measuring texels"):
+        space = TextureSpace(atlas)
+        missing = atlas.gather(gone.astype(np.float64)[..., None])[..., 0] > 0
+        holes = Holes(space, missing)
+        unknowns = np.zeros((space.size, values.shape[2]), dtype=np.float32)
+        flat = values.reshape(-1, values.shape[2])
+        unknowns[: len(flat)] = flat
+        holes.start(unknowns, None if first is None else first.reshape(flat.shape))
+    with phase(0.1, 0.3 if is_plate else 1.0, "Filling"):
+        solver = holes.membrane(unknowns, "Filling")
+    if is_plate:
+        with phase(0.3, 1.0, "Filling"):
+            holes.plate(unknowns, solver, "Filling")
+    result = values.copy()
+    sheet_values(space, unknowns, result)
+    if texture.unit:
+        run(unit_normals, len(result), result, chunk=ROWS)
+    np.copyto(result, values, where=~missing[..., None])
+    return result

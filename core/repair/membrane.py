@@ -1,0 +1,332 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Smooth functions on a texture's surface that continue what is known: membranes, thin plates."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas.sheet import NOTHING
+from ..base.progress import phase
+from ..elements.matrices import TextureSpace
+from ..elements.multigrid import SheetSolver
+from ..elements.sheet_matrix import SheetMatrix
+from ..errors import InvalidSignal, SolverError
+from ..mesh.nearest import nearest_point, point_tree
+from ..mesh.triangle_mesh import Ints
+from ..sparse.matrix import Sparse, rows_of
+
+Singles = npt.NDArray[np.float32]
+Bools = npt.NDArray[np.bool_]
+
+_TOLERANCE = 1e-4
+"""Residual of the membrane relative to its right-hand side."""
+
+_LINKS = 3
+"""How many couplings from missing texels points along seams are unknown, too."""
+
+_ALONE = 1e-3
+"""Screening of nodes that are no unknowns, of which only the solution 0 is wanted."""
+
+_SOFT = 16.0
+"""How far the nearest colors of parts without any are averaged, in texels."""
+
+_SAMPLE = 1 << 18
+"""Most known texels among which the nearest is looked for."""
+
+_SOLVE = 3e-2
+"""Residual of the solves that precondition a thin plate."""
+
+_ENOUGH = 5e-3
+"""Residual of a thin plate relative to its right-hand side."""
+
+_MOST_STEPS = 40
+
+_LEAST_MASS = 1e-3
+
+
+class _Dropped(NamedTuple):
+    # Couplings of unknowns with what is known, which the equations hold as constants.
+    of: npt.NDArray[np.integer]
+    to: npt.NDArray[np.integer]
+    values: npt.NDArray[np.floating]
+
+
+class Holes:
+    """What is missing of a function on the surface.
+
+    Parameters
+    ----------
+    space : TextureSpace
+    missing : (rows, columns) bool
+        Nodes of the sheet.
+
+    Attributes
+    ----------
+    known : (n,) bool
+        Nodes with given values.
+    unknown : (n,) bool
+        What is solved for: missing nodes, and points along seams near these.
+    adrift : (n,) bool
+        Unknowns of connected parts of the surface of which nothing is known.
+
+    Raises
+    ------
+    InvalidSignal
+        If nothing is known.
+    """
+
+    def __init__(self, space: TextureSpace, missing: Bools) -> None:
+        self._space = space
+        inside = space.labels >= 0
+        nodes = missing.size
+        self.known = np.zeros(space.size, dtype=np.bool_)
+        self.known[:nodes] = (inside & ~missing).reshape(-1)
+        if not self.known.any():
+            raise InvalidSignal(
+                "Nothing is known of any texel; leave some out of the mask, or give another one."
+            )
+        components = space.components
+        sourced = np.zeros(int(components.max(initial=0)) + 1, dtype=np.bool_)
+        sourced[components[self.known]] = True
+        lost = missing & inside
+        self.whole = space.matrix(1.0, lumped=True)
+        self.unknown = np.zeros(space.size, dtype=np.bool_)
+        self.unknown[:nodes] = lost.reshape(-1)
+        self._add_points()
+        self.adrift = self.unknown & ~sourced[np.maximum(components, 0)]
+        self._matrix, self._dropped = self._reduced(_widened(lost, 1) & inside)
+
+    def _add_points(self) -> None:
+        # Points along seams near missing nodes, link by link.
+        nodes = self.whole.labels.size
+        of, to = self._links()
+        near = self.unknown.copy()
+        for _ in range(_LINKS):
+            near[of[near[to]]] = True
+        near[:nodes] = False
+        self.unknown |= near
+
+    def _links(self) -> tuple[Ints, Ints]:
+        # The unknowns that the seam part couples, both ways.
+        whole = self.whole
+        sparse = Sparse(whole.start, whole.columns_, whole.values, 2 * (len(whole.seam),))
+        return whole.seam[rows_of(sparse)], whole.seam[whole.columns_]
+
+    def _reduced(self, kept: Bools) -> tuple[SheetMatrix, _Dropped]:
+        # The equations of the unknowns alone. Other nodes in `kept` stay for the stencil's sake,
+        # each with an equation of its own whose solution is 0; all others are left out, which
+        # saves most of the time.
+        whole, unknown = self.whole, self.unknown
+        nodes, columns = whole.labels.size, whole.labels.shape[1]
+        own = np.zeros(len(unknown), dtype=np.float64)
+        stencil = np.zeros_like(whole.stencil)
+        inner = unknown[:nodes].reshape(kept.shape)
+        parts: list[tuple[npt.NDArray, npt.NDArray, npt.NDArray]] = []
+        rows = len(kept)
+        for k, (down, right) in enumerate(((0, 1), (1, -1), (1, 0), (1, 1))):
+            there = np.zeros_like(inner)
+            low, high = max(right, 0), columns + min(right, 0)
+            there[: rows - down, low - right : high - right] = inner[down:, low:high]
+            np.copyto(stencil[k], whole.stencil[k], where=inner & there)
+            cut = np.flatnonzero(inner != there)
+            values = whole.stencil[k].reshape(-1)[cut]
+            cut, values = cut[values != 0], values[values != 0]
+            beside = cut + down * columns + right
+            mine = inner.reshape(-1)[cut]
+            parts.append((np.where(mine, cut, beside), np.where(mine, beside, cut), values))
+        of, to = self._links()
+        both = unknown[of] & unknown[to]
+        one = unknown[of] & ~unknown[to]
+        parts.append((of[one], to[one], whole.values[one]))
+        dropped = _Dropped(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+        own -= np.bincount(dropped.of, dropped.values, len(own))
+        soft = self.adrift
+        own[soft] += whole.screen[soft] / _SOFT**2
+        own[~unknown] = _ALONE * np.maximum(whole.screen[~unknown], 1.0)
+        stays = np.ones(len(whole.seam), dtype=np.bool_)
+        is_node = whole.seam < nodes
+        stays[is_node] = kept.reshape(-1)[whole.seam[is_node]]
+        sparse_rows = np.repeat(np.arange(len(whole.seam)), np.diff(whole.start))
+        counts = np.bincount(sparse_rows[both], minlength=len(stays))[stays]
+        start = np.concatenate([[0], np.cumsum(counts)]).astype(whole.start.dtype)
+        number = (np.cumsum(stays) - 1).astype(whole.columns_.dtype)
+        labels = np.where(kept, whole.labels, np.int32(NOTHING))
+        screen = own.astype(np.float32)
+        return SheetMatrix(
+            stencil,
+            labels,
+            screen,
+            whole.seam[stays],
+            start,
+            number[whole.columns_[both]],
+            whole.values[both],
+        ), dropped
+
+    def start(self, values: Singles, guess: Singles | None) -> None:
+        """Give first values to all that is missing, in place: (n, c), from a guess at nodes."""
+        nodes = self.whole.labels.size
+        missing = self.unknown[:nodes]
+        if guess is None:
+            mean = values[: nodes : max(nodes // _SAMPLE, 1)]
+            mean = mean[self.known[: nodes : max(nodes // _SAMPLE, 1)]]
+            values[:nodes][missing] = mean.mean(axis=0) if len(mean) else 0.0
+        else:
+            values[:nodes][missing] = guess[missing]
+        self._start_points(values)
+        if self.adrift.any():
+            values[self.adrift] = self._nearest(values)
+
+    def _start_points(self, values: Singles) -> None:
+        # Points along seams take the mean of the texels that they are coupled with.
+        nodes = self.whole.labels.size
+        of, to = self._links()
+        useful = (of >= nodes) & (to < nodes)
+        of, to = of[useful] - nodes, to[useful]
+        shares = np.abs(self.whole.values[useful])
+        count = len(values) - nodes
+        total = np.bincount(of, shares, count)
+        # Where there are none, of all.
+        for c in range(values.shape[1]):
+            sums = np.bincount(of, shares * values[to, c], count)
+            mean = sums.sum() / max(total.sum(), 1e-30)
+            values[nodes:, c] = np.where(total > 0, sums / np.maximum(total, 1e-30), mean)
+
+    def _nearest(self, values: Singles) -> Singles:
+        # The nearest known values of parts of the surface that have none.
+        space, atlas, mesh = self._space, self._space.atlas, self._space.atlas.mesh
+        places = atlas.gather(atlas.bake(mesh.own_corners(mesh.vertices[mesh.faces])))
+        flat = places.reshape(-1, 3).astype(np.float64)
+        known = np.flatnonzero(self.known[: len(flat)])
+        known = known[:: -(-len(known) // _SAMPLE)]
+        lost = np.flatnonzero(self.adrift)
+        nodes = lost[lost < len(flat)]
+        found = np.empty((len(lost), values.shape[1]), dtype=np.float32)
+        found[:] = values[known].mean(axis=0, dtype=np.float64)
+        if len(nodes):
+            _, numbers = nearest_point(point_tree(flat[known]), flat[nodes])
+            found[: len(nodes)] = values[known[numbers]]
+            # Points along seams: the mean of their part, which the solve corrects.
+            parts = space.components
+            rest = lost[len(nodes) :]
+            count = int(parts.max(initial=0)) + 1
+            sizes = np.bincount(parts[nodes], minlength=count)
+            for c in range(values.shape[1]):
+                sums = np.bincount(parts[nodes], found[: len(nodes), c], count)
+                of_part = sums / np.maximum(sizes, 1)
+                has = sizes[parts[rest]] > 0
+                found[len(nodes) :, c][has] = of_part[parts[rest[has]]]
+        return found
+
+    def membrane(self, values: Singles, message: str) -> SheetSolver:
+        """Fill what is missing by a harmonic function, in place: (n, c)."""
+        solver = SheetSolver(self._matrix)
+        product = np.zeros_like(values)
+        solver.apply(values, product)
+        unknown = np.flatnonzero(self.unknown)
+        rhs = np.zeros_like(values)
+        rhs[unknown] = -product[unknown]
+        dropped = self._dropped
+        place = np.searchsorted(unknown, dropped.of)
+        for c in range(values.shape[1]):
+            known = dropped.values * values[dropped.to, c]
+            rhs[unknown, c] -= np.bincount(place, known, len(unknown))
+        soft = np.flatnonzero(self.adrift)
+        weights = (self.whole.screen[soft] / np.float32(_SOFT**2))[:, None]
+        rhs[soft] += weights * values[soft]
+        change = product
+        change[:] = 0.0
+        solver.solve(rhs, change, _TOLERANCE, message=message)
+        values[unknown] += change[unknown]
+        return solver
+
+    def plate(self, values: Singles, solver: SheetSolver, message: str) -> None:
+        """Fill what is missing by a biharmonic function, from a harmonic one, in place.
+
+        Conjugate gradients for ``K W K``, where K is the stiffness, and W the inverse of the masses
+        but 0 where the surface ends; preconditioned by ``S M S`` for approximate solves S.
+        """
+        space = self._space
+        free = self.unknown & ~self.adrift
+        masses = np.maximum(self.whole.screen, _LEAST_MASS)[:, None]
+        weights = 1.0 / masses
+        weights[space.cut_cells.unknowns[_at_ends(space)]] = 0.0
+
+        def bend(x: Singles) -> Singles:
+            result = space.apply_stiffness(weights * space.apply_stiffness(x))
+            result[~free] = 0.0
+            return result
+
+        def precondition(r: Singles) -> Singles:
+            first, second = np.zeros_like(r), np.zeros_like(r)
+            solver.solve(r, first, _SOLVE, message=message)
+            first[~free] = 0.0
+            solver.solve(first * masses, second, _SOLVE, message=message)
+            second[~free] = 0.0
+            return second
+
+        residual = -bend(values)
+        size = float(np.linalg.norm(residual))
+        if size == 0:
+            return
+        along = np.zeros_like(values)
+        before, old = 0.0, residual
+        for step in range(_MOST_STEPS):
+            with phase(step / _MOST_STEPS, (step + 1) / _MOST_STEPS, message):
+                z = precondition(residual)
+                now = _dot(z, residual)
+                # Flexible: the solves are not the same linear map each time.
+                share = 0.0 if before == 0 else max(0.0, (now - _dot(z, old)) / before)
+                along = z + np.float32(share) * along
+                bent = bend(along)
+                energy = _dot(along, bent)
+                if not energy > 0:
+                    break
+                factor = np.float32(_dot(along, residual) / energy)
+                values += factor * along
+                old, before = residual, now
+                residual = residual - factor * bent
+                if float(np.linalg.norm(residual)) <= _ENOUGH * size:
+                    break
+        if not np.isfinite(values).all():
+            raise SolverError("The thin plate has no solution; fill by the membrane.")
+
+
+def _at_ends(space: TextureSpace) -> Bools:
+    # Which free points lie where the surface ends: (s,). A side of a piece that no other piece
+    # has, and that no line of the lattice holds, lies there.
+    cut = space.cut_cells
+    pieces = cut.pieces
+    last = np.zeros(len(pieces.points), dtype=np.bool_)
+    last[pieces.start[1:] - 1] = True
+    following = np.arange(1, len(last) + 1)
+    following[last] = pieces.start[:-1]
+    one, other = pieces.points, pieces.points[following]
+    apart = np.abs(pieces.places - pieces.places[following])
+    line = pieces.places % 1.0
+    beside = (np.minimum(line, 1 - line) < 1e-9) & (apart < 1e-9)
+    keys = np.minimum(one, other) * len(cut.kinds) + np.maximum(one, other)
+    _, where, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    alone = (counts[where.reshape(-1)] == 1) & ~beside.any(axis=1) & (one != other)
+    ends = np.zeros(len(cut.kinds), dtype=np.bool_)
+    ends[one[alone]] = True
+    ends[other[alone]] = True
+    return ends[cut.free]
+
+
+def _widened(marked: Bools, rings: int) -> Bools:
+    # Marked nodes and those within some rings of neighbors.
+    for _ in range(rings):
+        wide = marked.copy()
+        wide[1:] |= marked[:-1]
+        wide[:-1] |= marked[1:]
+        marked = wide.copy()
+        marked[:, 1:] |= wide[:, :-1]
+        marked[:, :-1] |= wide[:, 1:]
+    return marked
+
+
+def _dot(a: Singles, b: Singles) -> float:
+    return float(np.einsum("ij,ij->", a, b, dtype=np.float64))

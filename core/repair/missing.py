@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which texels of a texture are missing: given, transparent, of one color, or never seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..base.checks import SCALES, as_array, checked_weights
+from ..errors import InvalidSignal
+from ..mesh.triangle_mesh import Ints
+from ..settings import FillSettings
+from ..sparse.components import connected_components
+
+Bools = npt.NDArray[np.bool_]
+
+_BLACK = 2.5 / 255
+"""Values up to this are black, though bytes were rounded and compressed."""
+
+_STRAY = 0.15
+"""Share of black texels in the faces around a group of black ones from which it is painted."""
+
+_FEWEST = 16
+"""Fewest texels of a group of faces that may be missing."""
+
+
+def missing_texels(
+    atlas: TextureAtlas,
+    pixels: npt.NDArray,
+    alpha: int,
+    missing: npt.ArrayLike | None,
+    settings: FillSettings,
+) -> npt.NDArray[np.float64]:
+    """Return how far each texel is to be replaced: (h, w) float64 in [0, 1].
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+    pixels : (h, w, c) array
+    alpha : int
+        The channel of opacity; -1: none.
+    missing
+        As in `fill_texture`.
+    settings : FillSettings
+        Its `find` says what counts if nothing is given.
+
+    Raises
+    ------
+    InvalidSignal
+        If what is given does not fit.
+    """
+    weights: npt.NDArray | None = None
+    if missing is not None:
+        given = as_array(missing, "missing")
+        if given.ndim == 1:
+            weights = _of_color(pixels, given, alpha).astype(np.float64)
+        else:
+            weights = checked_weights(given, pixels)
+            weights = np.ones(pixels.shape[:2]) if weights is None else weights
+        if settings.find == "auto":
+            return weights
+    found = _found(atlas, pixels, alpha, settings.find)
+    return found.astype(np.float64) if weights is None else found * weights
+
+
+def _found(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int, find: str) -> Bools:
+    if find != "unseen" and alpha >= 0:
+        clear = pixels[..., alpha] <= 0
+        if find == "opacity" or (clear & atlas.inside).any():
+            return clear
+    if find == "opacity":  # and there is none
+        return np.zeros(pixels.shape[:2], dtype=np.bool_)
+    return unseen_texels(atlas, pixels, alpha)
+
+
+def _of_color(pixels: npt.NDArray, color: npt.NDArray, alpha: int) -> Bools:
+    count = pixels.shape[2]
+    if len(color) not in (count, count - (alpha >= 0)) or color.dtype.kind not in "iuf":
+        raise InvalidSignal(
+            f"The missing color has {len(color)} values; give a mask, or as many as the image has"
+            f" channels, {count}."
+        )
+    step = 0.5 if pixels.dtype.kind == "u" else 1e-6
+    off = np.abs(pixels[..., : len(color)].astype(np.float64) - color)
+    return (off <= step).all(axis=2)
+
+
+def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> Bools:
+    """Find the texels of faces that no photo saw: groups of faces that are black all over.
+
+    What is painted black does not end where faces do: a group counts only if few of the texels
+    beside it are black.
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+    pixels : (h, w, c) array
+    alpha : int
+        The channel of opacity, which does not matter; -1: none.
+    """
+    colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
+    black = (colors <= _BLACK / SCALES[pixels.dtype.name]).all(axis=2)
+    masks = atlas.masks()
+    face = masks.face
+    shown = face >= 0
+    count = len(atlas.mesh.faces)
+    texels = np.bincount(face[shown], minlength=count)
+    dark = np.bincount(face[shown & black], minlength=count)
+    # Texels on a face's border may show another face's color.
+    unseen = (texels > 0) & (dark >= texels - 0.1 * np.sqrt(texels))
+    groups = _groups(atlas, unseen | ((texels == 0) & _beside(atlas, unseen)))
+    total = int(groups.max(initial=-1)) + 1
+    if total == 0:
+        return np.zeros(face.shape, dtype=np.bool_)
+    size = np.bincount(groups[groups >= 0], weights=texels[groups >= 0], minlength=total)
+    # Texels of faces across the group's outline, and the black ones among them.
+    twins = atlas.mesh.twins.reshape(-1)
+    edges = np.flatnonzero((twins >= 0) & np.repeat(groups >= 0, 3))
+    edges = edges[groups[twins[edges] // 3] < 0]
+    others, group = twins[edges] // 3, groups[edges // 3]
+    around = np.bincount(group, texels[others], total)
+    stray = np.bincount(group, dark[others], total)
+    found = (size >= _FEWEST) & (stray <= _STRAY * around)
+    of_face = np.zeros(count, dtype=np.bool_)
+    of_face[groups >= 0] = found[groups[groups >= 0]]
+    result = np.zeros(face.shape, dtype=np.bool_)
+    result[shown] = of_face[face[shown]]
+    return result
+
+
+def _beside(atlas: TextureAtlas, faces: Bools) -> Bools:
+    # Faces that share an edge with one of these.
+    twins = atlas.mesh.twins.reshape(-1, 3)
+    return (faces[np.maximum(twins, 0) // 3] & (twins >= 0)).any(axis=1)
+
+
+def _groups(atlas: TextureAtlas, faces: Bools) -> Ints:
+    # Numbers of connected groups of the marked faces; -1 for others.
+    twins = atlas.mesh.twins.reshape(-1)
+    edges = np.flatnonzero((twins >= 0) & np.repeat(faces, 3))
+    edges = edges[faces[twins[edges] // 3]]
+    of, to = (edges // 3).astype(np.int32), (twins[edges] // 3).astype(np.int32)
+    _, parts = connected_components(len(faces), of, to)
+    result = np.full(len(faces), -1, dtype=np.int32)
+    result[faces] = np.unique(parts[faces], return_inverse=True)[1].reshape(-1)
+    return result

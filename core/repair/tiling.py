@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures whose opposite sides meet, by solving an equation on a cylinder for each axis."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import LARGEST, Floats, by_keyword, checked_image, checked_weights
+from ..base.progress import ProgressCallback, ask, phase, reporting
+from ..errors import InvalidSignal
+from ..settings import TileSettings, given_or_default
+
+_LEAST = 4
+"""Least pixels along an axis whose sides are joined."""
+
+_LIGHT = 0.1
+"""Standard deviation of the smoothing that tells light from detail, as a share of the picture."""
+
+
+@by_keyword
+def make_tileable(
+    image: npt.ArrayLike,
+    settings: TileSettings | None = None,
+    *,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> npt.NDArray:
+    """Make opposite sides of a picture meet in values and slopes, so that it can be repeated.
+
+    Steps between the sides are spread out; all detail stays where it is, and nothing is blended, so
+    that no ghosts appear.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, c) array
+        Bytes, 16 bits, or floats.
+    settings : TileSettings, optional
+    mask : (h, w) array of float in [0, 1], optional
+        1 takes the result, less mixes it with the image, 0 keeps it bit for bit.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    array like `image`
+        All channels are joined, opacity, too.
+
+    Raises
+    ------
+    InvalidSignal
+        If the image cannot be filtered, or is less than four pixels across.
+    Cancelled
+        If the callback says so.
+
+    Notes
+    -----
+    For each axis that is joined, the step at the joint, beyond the harmonic mean of the slopes on
+    both sides, is taken by halves from both. The change u solves ``(1 / radius^2 - lap)^2 u = 0``
+    inside, with slope 0 at the joint; it is the gradient-domain blending of Perez, Gangnet and
+    Blake (2003) with a thin plate in place of the membrane. Fourier transforms along the joint
+    solve it. Sides that are not joined are mirrored.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> ramp = np.tile(np.linspace(0.0, 1.0, 64), (64, 1))
+    >>> tile = core.make_tileable(ramp)
+    >>> [round(float(abs(each[32, 0] - each[32, -1])), 2) for each in (ramp, tile)]
+    [1.0, 0.02]
+    """
+    given = checked_image(image, LARGEST)
+    settings = given_or_default(settings, TileSettings)
+    weights = checked_weights(mask, given)
+    height, width = given.shape[:2]
+    joined = {"x": (1,), "y": (0,), "both": (0, 1)}[settings.axes]
+    if min(given.shape[axis] for axis in joined) < _LEAST:
+        raise InvalidSignal(
+            f"The image has {width} x {height} pixels; sides are joined from {_LEAST} pixels on."
+        )
+    pixels = given.reshape(height, width, -1)
+    out = np.empty_like(pixels)
+    with reporting(progress):
+        radius = settings.radius * min(height, width)
+        solvers = [_Joint((height, width), axis, joined, radius) for axis in joined]
+        for channel in range(pixels.shape[2]):
+            share = channel / pixels.shape[2], (channel + 1) / pixels.shape[2]
+            with phase(*share, "Joining sides"):
+                ask()
+                old = pixels[..., channel].astype(np.float64)
+                new = old.copy()
+                for solver in solvers:  # a later change repeats along the earlier joint
+                    new += solver.change(new)
+                if settings.even_light > 0:
+                    new -= settings.even_light * _light(new, joined)
+                if weights is not None:
+                    new = old + weights * (new - old)
+                if given.dtype.kind == "u":
+                    new = np.clip(np.rint(new), 0, np.iinfo(given.dtype).max)
+                out[..., channel] = new
+                if weights is not None:
+                    np.copyto(out[..., channel], pixels[..., channel], where=weights == 0)
+    return out.reshape(given.shape)
+
+
+class _Joint:
+    # The change that joins the two sides of an axis, for images of one size.
+
+    def __init__(
+        self, shape: tuple[int, int], axis: int, joined: tuple[int, ...], radius: float
+    ) -> None:
+        self._axis = axis
+        count, along = shape[axis], shape[1 - axis]
+        self._mirrored = 1 - axis not in joined
+        self._length = 2 * along if self._mirrored else along
+        waves = 2.0 * np.sin(np.pi * np.fft.rfftfreq(self._length))
+        rates = np.sqrt(waves**2 + radius**-2.0)[:, None]
+        away = np.arange(count) * rates
+        falling = (1.0 + away) * np.exp(-away)
+        shape_of_change = falling[:, ::-1] - falling
+        self._factors = 0.5 * shape_of_change / shape_of_change[:, -1:]
+
+    def change(self, image: Floats) -> Floats:
+        lines = np.moveaxis(image, self._axis, 1)
+        first, last = lines[:, 0], lines[:, -1]
+        step = first - last - _mean_slope(lines[:, 1] - first, last - lines[:, -2])
+        if self._mirrored:
+            step = np.concatenate([step, step[::-1]])
+        waves = np.fft.rfft(step)[:, None] * self._factors
+        found = np.fft.irfft(waves, self._length, axis=0)[: len(lines)]
+        return np.moveaxis(found, 1, self._axis)
+
+
+def _mean_slope(one: Floats, other: Floats) -> Floats:
+    # The harmonic mean where signs agree, 0 elsewhere (van Leer 1974), so that no joint is steeper
+    # than both of its sides.
+    both = one * other
+    total = np.where(both > 0, one + other, 1.0)
+    return np.where(both > 0, 2.0 * both / total, 0.0)
+
+
+def _light(image: Floats, joined: tuple[int, ...]) -> Floats:
+    # What is brighter or darker over wide parts of the picture.
+    values = image - image.mean()
+    spread = [_LIGHT * n for n in image.shape]
+    for axis in (0, 1):
+        if axis not in joined:
+            values = np.concatenate([values, np.flip(values, axis)], axis)
+    rows = np.fft.fftfreq(values.shape[0])[:, None] * spread[0]
+    columns = np.fft.rfftfreq(values.shape[1])[None, :] * spread[1]
+    slow = np.exp(-2.0 * np.pi**2 * (rows**2 + columns**2))
+    found = np.fft.irfft2(np.fft.rfft2(values) * slow, values.shape)
+    return found[: image.shape[0], : image.shape[1]]
+
+
+def tiled(image: npt.NDArray, across: int = 3, down: int = 3) -> npt.NDArray:
+    """Repeat a picture side by side, to look at its joints."""
+    return np.tile(image, (down, across, *(1,) * (image.ndim - 2)))

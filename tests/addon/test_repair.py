@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operators Fill Texture, Make Tileable and Remove Blocks."""
+
+import io
+
+import bpy
+import numpy as np
+import pytest
+from PIL import Image
+from shock_filter.shock_addon.data.image import images as image_data
+
+filters = bpy.ops.shock_filter
+SIZE = 64
+
+
+def read(name):
+    return image_data.read_pixels(bpy.data.images[name])
+
+
+def add_image(name, pixels, **words):
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new(name, width, height, alpha=True, **words)
+    image.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).reshape(-1))
+    image.update()
+    return image
+
+
+@pytest.fixture
+def sheet():
+    """A sheet that shows an image."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, calc_uvs=True)
+    obj = bpy.context.object
+    material = bpy.data.materials.new("Paint")
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    material.node_tree.nodes.active = node
+    obj.data.materials.append(material)
+    return node
+
+
+def ramp():
+    pixels = np.ones((SIZE, SIZE, 4), dtype=np.float32)
+    pixels[..., :3] = np.linspace(0.2, 0.8, SIZE)[None, :, None]
+    return pixels
+
+
+def test_transparent_texels_are_filled_and_others_stay(sheet):
+    pixels = ramp()
+    pixels[20:40, 24:36] = 0.0
+    sheet.image = add_image("Holes", pixels, float_buffer=True, is_data=True)
+    assert filters.fill_texture(output="NEW") == {"FINISHED"}
+    result = read("Holes filled")
+    assert np.abs(result - ramp())[20:40, 24:36].max() < 0.01
+    known = np.ones((SIZE, SIZE), dtype=bool)
+    known[20:40, 24:36] = False
+    assert (result[known] == read("Holes")[known]).all()
+
+
+def test_a_mask_says_what_is_missing(sheet):
+    pixels = ramp()
+    pixels[20:40, 24:36, :3] = 0.9
+    sheet.image = add_image("Scratched", pixels, float_buffer=True, is_data=True)
+    mask = np.zeros((SIZE, SIZE, 4), dtype=np.float32)
+    mask[20:40, 24:36, :3], mask[..., 3] = 1.0, 1.0
+    add_image("Mask", mask, is_data=True)
+    assert filters.fill_texture(output="NEW", mask_image="Mask") == {"FINISHED"}
+    assert np.abs(read("Scratched filled") - ramp())[20:40, 24:36].max() < 0.01
+
+
+def test_sides_of_an_image_meet():
+    add_image("Ground", ramp(), float_buffer=True, is_data=True)
+    assert filters.make_tileable(image="Ground", output="NEW") == {"FINISHED"}
+    result = read("Ground joined")
+    assert np.abs(result[:, 0] - result[:, -1]).max() < 0.02
+    assert np.abs(read("Ground")[:, 0] - read("Ground")[:, -1]).max() > 0.5
+
+
+def test_blocks_go_and_clean_images_stay():
+    y, x = np.mgrid[:128, :128] / 128
+    rng = np.random.default_rng(0)
+    clean = 128 + 60 * np.tanh(30 * np.sin(7 * x + 3 * y)) + rng.normal(0, 6, x.shape)
+    clean = np.uint8(np.clip(clean, 0, 255))
+    file = io.BytesIO()
+    Image.fromarray(clean).save(file, "JPEG", quality=40)
+    for name, gray in (("Clean", clean), ("Blocks", np.asarray(Image.open(file)))):
+        pixels = np.ones((128, 128, 4), dtype=np.float32)
+        pixels[..., :3] = (gray / 255.0)[..., None]
+        add_image(name, pixels)
+        assert filters.remove_blocks(image=name, output="NEW") == {"FINISHED"}
+    assert (read("Clean cleaned") == read("Clean")).all()
+    before, after = (
+        np.abs(read(name)[..., 0] - read("Clean")[..., 0]).mean()
+        for name in ("Blocks", "Blocks cleaned")
+    )
+    assert 0 < after < before

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of enlarging textures: charts see across their seams."""
+
+import numpy as np
+import pytest
+from atlases import Blocks
+from shock_filter import core
+
+
+def waves(n, channels=3):
+    y, x = (np.mgrid[:n, :n] + 0.5) / n * np.pi
+    values = [np.cos((4 + c) * x) * np.cos((6 - c) * y) for c in range(channels)]
+    return (0.5 + 0.3 * np.stack(values, axis=-1)).astype(np.float32)
+
+
+def jumps(blocks, image):
+    """How far values differ that stand on both sides of the seams along one axis."""
+    along = np.linspace(4, 60, 200)
+    off = []
+    for place in (16.0, 32.0, 48.0):
+        one, other = (
+            blocks.read(image, np.stack([np.full(200, place + shift), along], axis=-1))
+            for shift in (-1e-6, 1e-6)
+        )
+        off.append(np.abs(one - other))
+    return float(np.mean(off))
+
+
+@pytest.mark.parametrize("angle", [None, 0.4])
+def test_seams_jump_less_than_if_the_image_alone_is_enlarged(angle):
+    blocks = Blocks(waves(64), angle)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image = blocks.texture()
+    result = core.enlarge_texture(mesh, blocks.uv, image, factor=2)
+    alone = core.sharpen_image(image, core.ImageSettings(enlarge=2))
+    assert result.shape == (2 * len(image), 2 * len(image), 3)
+    assert jumps(blocks, result) < jumps(blocks, image) + 1 / 255
+    assert jumps(blocks, result) < 0.5 * jumps(blocks, alone)
+
+
+def test_it_comes_near_to_the_truth_inside_charts():
+    blocks = Blocks(waves(64), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    result = core.enlarge_texture(mesh, blocks.uv, blocks.texture(), factor=2)
+    points = np.random.default_rng(0).uniform(2, 62, size=(3000, 2))
+    wanted = 0.5 + 0.3 * np.cos(4 * points[:, 0] / 64 * np.pi) * np.cos(
+        6 * points[:, 1] / 64 * np.pi
+    )
+    off = blocks.read(result, points)[:, 0] - wanted
+    assert np.sqrt(np.mean(off**2)) < 0.01
+
+
+def test_types_stay_and_wrong_factors_are_refused():
+    blocks = Blocks(waves(32))
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image = np.uint8(255 * blocks.texture())
+    assert core.enlarge_texture(mesh, blocks.uv, image[..., 0], factor=3).dtype == np.uint8
+    inside = core.TextureAtlas(mesh, blocks.uv, size=image.shape[:2]).inside
+    same = core.enlarge_texture(mesh, blocks.uv, image, factor=1)
+    assert (same[inside] == image[inside]).all()
+    for factor in (0, 9, 1.5):
+        with pytest.raises(core.InvalidSettings):
+            core.enlarge_texture(mesh, blocks.uv, image, factor=factor)

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of filling textures: what is missing follows from what is around it on the surface."""
+
+import numpy as np
+import pytest
+from atlases import Blocks
+from shapes import grid, icosphere
+from shock_filter import core
+from shock_filter.core.repair.missing import unseen_texels
+
+
+def linear(x, y):
+    return np.stack([np.full_like(x, 0.5), 0.2 + 0.6 * x, 0.8 * y + 0.1 * x], axis=-1)
+
+
+def plane(n, angle, function=linear):
+    """A plane cut into charts, its texture by a function of places, and holes over its seams."""
+    blocks = Blocks(np.zeros((n, n, 3), np.float32), angle)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
+    x, y = np.moveaxis(atlas.bake(mesh.vertices[mesh.faces])[..., :2] / n, -1, 0)
+    image = function(x, y).astype(np.float32)
+    centers = np.array([(0.5, 0.5), (0.25, 0.5), (0.75, 0.3)])
+    hole = np.zeros(x.shape, dtype=bool)
+    for center in centers:
+        hole |= np.hypot(x - center[0], y - center[1]) < 0.13
+    return blocks, mesh, atlas, image, hole & atlas.inside
+
+
+@pytest.mark.parametrize("surface", ["membrane", "thin_plate"])
+@pytest.mark.parametrize("angle", [None, 0.4])
+def test_linear_functions_come_back_across_seams(surface, angle):
+    blocks, mesh, atlas, image, hole = plane(64, angle)
+    broken = np.where(hole[..., None], np.float32(0.9), image)
+    settings = core.FillSettings(surface=surface)
+    result = core.fill_texture(mesh, blocks.uv, broken, settings, missing=hole, atlas=atlas)
+    assert hole.sum() > 500
+    assert np.abs(result - image)[hole].max() < 1e-3
+    known = atlas.inside & ~hole
+    assert (result[known] == broken[known]).all()
+
+
+def test_a_thin_plate_continues_slopes_that_a_membrane_loses():
+    blocks, mesh, atlas, image, hole = plane(
+        64, 0.4, lambda x, y: np.stack([x * x + y * y, x**2, x * y], axis=-1)
+    )
+    errors = {}
+    for surface in ("membrane", "thin_plate"):
+        settings = core.FillSettings(surface=surface)
+        result = core.fill_texture(mesh, blocks.uv, image, settings, missing=hole, atlas=atlas)
+        errors[surface] = np.abs(result - image)[hole].max()
+    assert errors["membrane"] > 0.01
+    assert errors["thin_plate"] < 0.1 * errors["membrane"]
+
+
+def test_the_result_does_not_depend_on_where_the_seams_are():
+    def waves(x, y):
+        return np.stack([0.5 + 0.4 * np.sin(5 * x) * np.cos(4 * y)] * 3, axis=-1)
+
+    found = []
+    points = np.random.default_rng(0).uniform(2, 126, size=(4000, 2))
+    for angle in (None, 0.4, 0.9):
+        blocks, mesh, atlas, image, hole = plane(128, angle, waves)
+        result = core.fill_texture(mesh, blocks.uv, image, missing=hole, atlas=atlas)
+        found.append(blocks.read(result, points)[:, 0])
+    # Reading linearly differs by itself: about slope times texel.
+    assert np.abs(found[1] - found[0]).max() < 0.5 / 255 + 2e-3
+    assert np.abs(found[2] - found[1]).max() < 0.5 / 255 + 2e-3
+
+
+def ball(size=96):
+    """A ball whose charts are its octants."""
+    vertices, faces = icosphere(3)
+    centers = vertices[faces].mean(axis=1)
+    chart = (centers > 0) @ [1, 2, 4]
+    corners = vertices[faces]
+    flat = np.einsum("fkx,fxy->fky", corners, _axes(centers))
+    uv = (flat + 1.0) / 2.2
+    uv = (uv + np.stack([chart % 3, chart // 3], axis=-1)[:, None]) / 3.0
+    mesh = core.TriangleMesh(vertices, faces)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
+    return mesh, uv, atlas
+
+
+def _axes(centers):
+    # Two axes across each octant's diagonal.
+    normal = np.where(centers > 0, 1.0, -1.0) / np.sqrt(3.0)
+    first = np.cross(normal, [0.3, 0.2, 1.0])
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(normal, first)], axis=-1)
+
+
+def test_a_chart_without_any_known_texel_takes_colors_from_across_its_seams():
+    mesh, uv, atlas = ball()
+    chart = atlas.masks().chart
+    image = np.full((96, 96, 3), [0.2, 0.5, 0.7])
+    missing = chart == 3
+    image[missing] = 0.0
+    result = core.fill_texture(mesh, uv, image, missing=missing)
+    assert missing.sum() > 100
+    assert np.abs(result[missing] - [0.2, 0.5, 0.7]).max() < 2e-3
+
+
+def test_values_stay_in_the_range_around_a_hole():
+    mesh, uv, atlas = ball()
+    rng = np.random.default_rng(0)
+    image = rng.uniform(0.25, 0.75, (96, 96, 3)).astype(np.float32)
+    missing = (rng.random((96, 96)) < 0.4) & atlas.inside
+    image[missing] = 7.0
+    result = core.fill_texture(mesh, uv, image, missing=missing)
+    assert result[missing].min() > 0.25 - 1e-3
+    assert result[missing].max() < 0.75 + 1e-3
+
+
+def test_parts_of_which_nothing_is_known_take_the_nearest_colors():
+    vertices, faces = grid(4, 4)
+    both = np.concatenate([vertices, vertices + [0.0, 0.0, 0.1], vertices + [0.0, 0.0, 5.0]])
+    count = len(vertices)
+    mesh = core.TriangleMesh(both, np.concatenate([faces, faces + count, faces + 2 * count]))
+    one = vertices[faces][..., :2] / (3.5 * vertices.max())
+    uv = np.concatenate([one, one + [1 / 3, 0.0], one + [2 / 3, 0.0]])
+    atlas = core.TextureAtlas(mesh, uv, size=(96, 96))
+    chart = atlas.masks().chart
+    image = np.zeros((96, 96, 3), np.float32)
+    image[chart == 0], image[chart == 2] = 0.25, 0.75
+    result = core.fill_texture(mesh, uv, image, missing=chart == 1)
+    assert np.abs(result[chart == 1] - 0.25).max() < 1e-3
+
+
+def test_transparent_texels_are_found_and_become_opaque():
+    mesh, uv, atlas = ball()
+    image = np.full((96, 96, 4), 200, np.uint8)
+    image[..., 3] = 255
+    hole = np.zeros((96, 96), dtype=bool)
+    hole[10:20, 8:20] = True
+    image[hole] = 0
+    assert (core.find_missing(mesh, uv, image) == (hole & atlas.inside)).all()
+    result = core.fill_texture(mesh, uv, image)
+    assert (result[hole & atlas.inside] == [200, 200, 200, 255]).all()
+
+
+def test_black_faces_are_found_and_painted_black_is_not():
+    mesh, uv, atlas = ball(192)
+    face = atlas.masks().face
+    rng = np.random.default_rng(0)
+    image = rng.integers(60, 200, (192, 192, 3)).astype(np.uint8)
+    unseen = mesh.vertices[mesh.faces].mean(axis=1)[:, 2] > 0.7
+    black = (face >= 0) & unseen[np.maximum(face, 0)]
+    y, x = np.mgrid[:192, :192]
+    painted = (np.hypot(y - 40, x - 30) < 11) & ~black
+    assert (painted & atlas.inside).sum() > 200
+    image[black], image[painted] = 0, 0
+    assert (unseen_texels(atlas, image) == black).all()
+    result = core.fill_texture(mesh, uv, image)
+    assert result[black].min() > 55 and (result[painted & atlas.inside] == 0).all()
+
+
+def test_a_color_may_stand_for_what_is_missing():
+    mesh, uv, atlas = ball()
+    image = np.full((96, 96, 3), 90, np.uint8)
+    image[10:20, 8:20] = [255, 0, 255]
+    result = core.fill_texture(mesh, uv, image, missing=[255, 0, 255])
+    assert (result[atlas.inside] == 90).all()
+    with pytest.raises(core.InvalidSignal, match="as many as the image"):
+        core.fill_texture(mesh, uv, image, missing=[255, 0])
+
+
+def test_where_nothing_is_missing_the_image_stays_bit_for_bit():
+    mesh, uv, _ = ball()
+    image = np.random.default_rng(0).integers(9, 256, (96, 96, 3)).astype(np.uint8)
+    for given in ({}, {"missing": np.zeros((96, 96))}):
+        result = core.fill_texture(mesh, uv, image, **given)
+        assert (result == image).all() and result is not image
+
+
+def test_a_soft_mask_mixes():
+    mesh, uv, atlas = ball()
+    image = np.full((96, 96), 0.6, np.float32)
+    mask = np.zeros((96, 96))
+    mask[10:20, 8:20] = 0.5
+    image[mask > 0] = 0.2
+    result = core.fill_texture(mesh, uv, image, missing=mask)
+    assert np.abs(result[(mask > 0) & atlas.inside] - 0.4).max() < 1e-3
+
+
+def test_normals_are_filled_as_vectors():
+    blocks, mesh, _, _, hole = plane(64, 0.4)
+    flat = np.broadcast_to(np.float32([0.5, 0.5, 1.0]), (*hole.shape, 3)).copy()
+    flat[hole] = 0.1
+    settings = core.FillSettings(content="normals")
+    result = core.fill_texture(mesh, blocks.uv, flat, settings, missing=hole)
+    assert np.abs(result[hole] - [0.5, 0.5, 1.0]).max() < 1e-3
+
+
+def test_large_textures_begin_with_smaller_ones():
+    vertices, faces = grid(4, 4)
+    mesh = core.TriangleMesh(vertices, faces)
+    uv = vertices[faces][..., :2] / vertices.max()
+    x = np.broadcast_to(np.linspace(0.0, 1.0, 512), (512, 512))
+    image = np.stack([x, x.T, 0.5 + 0 * x], axis=-1).astype(np.float32)
+    hole = np.hypot(x - 0.4, x.T - 0.6) < 0.3
+    result = core.fill_texture(mesh, uv, image, missing=hole)
+    assert np.abs(result - image)[hole].max() < 5e-3
+
+
+def test_what_cannot_be_filled_is_refused():
+    mesh, uv, _ = ball()
+    image = np.zeros((96, 96, 3))
+    with pytest.raises(core.InvalidSignal, match="Nothing is known"):
+        core.fill_texture(mesh, uv, image, missing=np.ones((96, 96)))
+    with pytest.raises(core.InvalidSignal, match="shape"):
+        core.fill_texture(mesh, uv, image, missing=np.ones((9, 9)))

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of tileable pictures: opposite sides meet, and all else stays."""
+
+import numpy as np
+import pytest
+from shock_filter import core
+from shock_filter.core.repair.tiling import tiled
+
+
+def pictures():
+    """A ramp with waves, noise, and stripes that end anywhere."""
+    y, x = np.mgrid[:96, :128] / 96
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(96, 128))
+    spectrum = np.fft.rfft2(noise)
+    rate = np.hypot(np.fft.fftfreq(96)[:, None], np.fft.rfftfreq(128)[None])
+    soft = np.fft.irfft2(spectrum / (0.02 + rate), (96, 128))
+    soft = soft[8:-8, 8:-8]  # no longer periodic
+    return {
+        "ramp": 0.2 + 0.3 * x + 0.2 * y + 0.05 * np.sin(20 * x),
+        "soft noise": 0.5 + 0.1 * (soft + 0.01 * np.mgrid[:80, :112][0]) / soft.std(),
+        "stripes": 0.5 + 0.3 * np.sin(25 * x + 9 * y),
+    }
+
+
+def joints(image, axes):
+    """Differences at each joint over those inside, of both orders, by 95th percentiles."""
+    found = []
+    for axis in {"x": (1,), "y": (0,), "both": (0, 1)}[axes]:
+        lines = np.moveaxis(image, axis, 0)
+        around = np.concatenate([lines[-2:], lines[:2]])
+        for order in (1, 2):
+            inside = np.quantile(np.abs(np.diff(lines, order, axis=0)), 0.95)
+            joint = np.diff(around, order, axis=0)
+            joint = joint[1] if order == 1 else joint
+            found.append(np.quantile(np.abs(joint), 0.95) / inside)
+    return found
+
+
+@pytest.mark.parametrize("axes", ["both", "x", "y"])
+def test_joints_are_no_steeper_than_what_is_inside(axes):
+    image = pictures()["soft noise"]
+    result = core.make_tileable(image, core.TileSettings(axes=axes))
+    assert max(joints(result, axes)) < 1.0 < max(joints(image, axes))
+
+
+@pytest.mark.parametrize("name", ["ramp", "stripes"])
+def test_steps_vanish_from_smooth_pictures(name):
+    image = pictures()[name]
+    before, after = joints(image, "x")[0], joints(core.make_tileable(image), "x")[0]
+    assert after < 1.0 and before > 5.0
+
+
+def test_the_other_axis_keeps_its_sides():
+    image = pictures()["ramp"]
+    result = core.make_tileable(image, core.TileSettings(axes="x", radius=0.1))
+    assert np.abs((result - image)[:, 40:-40]).max() < 0.05
+    assert abs(result[0, 64] - result[-1, 64]) > 0.1
+
+
+def test_colors_inside_stay_in_the_mean():
+    for image in pictures().values():
+        for radius in (0.05, 0.25, 1.0):
+            result = core.make_tileable(image, core.TileSettings(radius=radius))
+            h, w = image.shape
+            middle = slice(h // 3, 2 * h // 3), slice(w // 3, 2 * w // 3)
+            assert abs((result - image)[middle].mean()) < 2 / 255
+
+
+def test_what_tiles_already_stays_nearly():
+    y, x = np.mgrid[:64, :64] / 64 * 2 * np.pi
+    image = 0.5 + 0.2 * np.sin(x) * np.cos(y)
+    assert np.abs(core.make_tileable(image) - image).max() < 5e-3
+
+
+def test_a_shifted_tile_is_tileable_as_well():
+    # On the torus no pixel is special but for the joint.
+    result = core.make_tileable(pictures()["stripes"])
+    both = tiled(result, 2, 2)
+    assert both.shape == (192, 256)
+    assert (both[96:, 128:] == result).all()
+
+
+def test_uneven_light_goes_and_detail_stays():
+    y, x = np.mgrid[:128, :128] / 128
+    detail = 0.05 * np.sin(2 * np.pi * 16 * x)
+    image = 0.5 + 0.3 * (y - 0.5) ** 2 + 0.2 * x + detail
+    result = core.make_tileable(image, core.TileSettings(even_light=1.0))
+    rows = result.mean(axis=1)
+    assert np.ptp(rows) < 0.4 * np.ptp(image.mean(axis=1))
+    wave = np.sin(2 * np.pi * 16 * x)
+    inner = slice(32, -32), slice(32, -32)
+    assert (result * wave)[inner].mean() == pytest.approx(0.025, rel=0.05)
+
+
+def test_types_masks_and_errors():
+    image = np.random.default_rng(0).integers(0, 256, (40, 50, 4)).astype(np.uint8)
+    mask = np.zeros((40, 50))
+    mask[:, 10:] = 1.0
+    result = core.make_tileable(image, mask=mask)
+    assert result.dtype == np.uint8 and result.shape == image.shape
+    assert (result[:, :10] == image[:, :10]).all()
+    assert (result[:, -1] != image[:, -1]).any()
+    one, other = core.TileSettings(axes="x"), core.TileSettings(axes="y")
+    turned = core.make_tileable(image.transpose(1, 0, 2), other).transpose(1, 0, 2)
+    assert (turned == core.make_tileable(image, one)).all()
+    with pytest.raises(core.InvalidSignal, match="pixels"):
+        core.make_tileable(np.zeros((3, 40)))
