@@ -86,6 +86,46 @@ def write_new(
     return new
 
 
+def write_into(
+    target: MeshTarget,
+    source: bpy.types.Object,
+    result: Any,
+    write: Callable[[MeshTarget, Any], bpy.types.Object],
+) -> None:
+    """Write a result of what is seen of another object into the one that was read.
+
+    Its name, materials and modifiers stay.
+
+    Parameters
+    ----------
+    target, result
+        As `write` takes them; what was read is a copy of `source` as `copied` gives it.
+    source : bpy.types.Object
+    write : callable
+
+    Raises
+    ------
+    Skipped
+        As `write` does, and nothing has changed then.
+    """
+    obj = find(target)
+    new = _copy(source)
+    mesh, old = new.data, obj.data
+    try:
+        write(replace(target, object_uid=new.session_uid, mesh_uid=mesh.session_uid), result)
+        mesh.materials.clear()
+        for material in old.materials:
+            mesh.materials.append(material)
+        obj.data, name = mesh, old.name
+    except BaseException:
+        _remove(new)
+        raise
+    bpy.data.objects.remove(new)
+    if not old.users:
+        bpy.data.meshes.remove(old)
+        mesh.name = name
+
+
 def _contents(mesh: bpy.types.Mesh) -> dict[str, Any]:
     found = [mesh.attributes.get(name) for name in _WRITTEN] + list(mesh.color_attributes)
     known = [each for each in found if each is not None and arrays.is_readable(each)]

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live copies: objects that show the result of what another object shows, and know which."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .. import LIVE_SOURCE
+from ..chosen import live_source
+from ..mesh import visible
+from ..mesh.targets import MeshTarget, find
+from ..skipped import Skipped
+from . import movement, stacks
+
+
+def write(target: MeshTarget, result: Any) -> bpy.types.Object:
+    """Write a result of what is seen of an object into its live copy, which is added if need be.
+
+    Raises
+    ------
+    Skipped
+        If an object was removed, or what is seen of it has changed since it was read.
+    """
+    obj = find(target)
+    source = live_source(obj)
+    if source is not None:
+        visible.write_into(target, source, result, movement.write)
+        stacks.add(obj, mark_sharp=True)
+        return obj
+    new = visible.write_new(target, result, movement.write, "live")
+    new[LIVE_SOURCE] = obj
+    return new
+
+
+def check(obj: bpy.types.Object) -> None:
+    """Raise `Skipped` for a copy whose source is gone."""
+    if LIVE_SOURCE in obj and live_source(obj) is None:
+        raise Skipped("the object that it is a live copy of was removed")
