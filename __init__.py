@@ -7,6 +7,7 @@ Blender finds its entry here (``register`` and ``unregister``); Python finds the
 
 import re
 from pathlib import Path
+from typing import Any
 
 _MANIFEST = Path(__file__).with_name("blender_manifest.toml").read_text(encoding="utf-8")
 __version__ = re.findall(r'^version = "(.+)"$', _MANIFEST, re.MULTILINE)[0]
@@ -24,3 +25,11 @@ def unregister() -> None:
     from . import shock_addon
 
     shock_addon.unregister()
+
+
+def __getattr__(name: str) -> Any:
+    if name == "live":  # for scripts in Blender: ``shock_filter.live.update(obj)``
+        from .shock_addon import live
+
+        return live
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -45,8 +45,8 @@ def movement(
 ) -> npt.NDArray[np.float32]:
     """Return what is added to positions in float32 to get new ones: (n, 3).
 
-    The sums are the new positions to the bit, but for coordinates that shrink to less than half:
-    these are off by a quarter of the spacing of floats at the old one, at most.
+    The sums are the new positions to the bit where coordinates change by less than a factor of two;
+    elsewhere they may be off by the spacing of floats at the larger one.
     """
     moves = new - old
     for toward in (-np.inf, np.inf):

@@ -162,7 +162,11 @@ class MeshOperator(FilterOperator):
 
     def _notes(self, written: list[Written]) -> str:
         new = [each.data for each in written if each.data.session_uid != each.target.object_uid]
-        same = [each.data for each in written if each.target.is_seen and each.data not in new]
+        same = [
+            each.data
+            for each in written
+            if each.target.is_seen and each.data not in new and not self._is_live(each.data)
+        ]
         said = notes([each.data for each in written if each.data not in same], self)
         if same and not new:
             text = pgettext_rpt("Nothing has changed, so no new object was made.")

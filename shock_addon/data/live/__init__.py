@@ -9,6 +9,6 @@ from typing import TYPE_CHECKING
 from .. import importing
 
 if TYPE_CHECKING:
-    from . import copies, movement, nodes, recipes, stacks  # noqa: F401
+    from . import copies, movement, nodes, recipes, stacks, watching  # noqa: F401
 
 __getattr__ = importing(__name__)

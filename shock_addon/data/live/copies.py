@@ -12,7 +12,7 @@ from ..chosen import live_source
 from ..mesh import visible
 from ..mesh.targets import MeshTarget, find
 from ..skipped import Skipped
-from . import movement, stacks
+from . import movement, stacks, watching
 
 
 def write(target: MeshTarget, result: Any) -> bpy.types.Object:
@@ -28,9 +28,12 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
     if source is not None:
         visible.write_into(target, source, result, movement.write)
         stacks.add(obj, mark_sharp=True)
+        watching.note_updated(obj)
         return obj
     new = visible.write_new(target, result, movement.write, "live")
-    new[LIVE_SOURCE] = obj
+    if new != obj:
+        new[LIVE_SOURCE] = obj
+        watching.note_updated(new)
     return new
 
 

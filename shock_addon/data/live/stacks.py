@@ -75,3 +75,21 @@ def link_input(modifier: bpy.types.NodesModifier, name: str, attribute: str) -> 
         modifier[f"{key}_use_attribute"] = True
         modifier[f"{key}_attribute_name"] = attribute
     modifier.id_data.update_tag()
+
+
+def linked_input(modifier: bpy.types.NodesModifier, name: str) -> str:
+    """Name the attribute or vertex group that an input reads; empty for a value."""
+    key = nodes.input_of(modifier.node_group, name)
+    if hasattr(modifier, "properties"):
+        socket = getattr(modifier.properties.inputs, key)
+        return socket.attribute_name if socket.type == "ATTRIBUTE" else ""
+    return modifier[f"{key}_attribute_name"] if modifier[f"{key}_use_attribute"] else ""
+
+
+def draw_input(layout: bpy.types.UILayout, modifier: bpy.types.NodesModifier, name: str) -> None:
+    """Draw the value of an input."""
+    key = nodes.input_of(modifier.node_group, name)
+    if hasattr(modifier, "properties"):
+        layout.prop(getattr(modifier.properties.inputs, key), "value", text=name)
+    else:
+        layout.prop(modifier, f'["{key}"]', text=name)
