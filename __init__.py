@@ -6,8 +6,10 @@ Blender finds its entry here (``register`` and ``unregister``); Python finds the
 """
 
 import re
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 _MANIFEST = Path(__file__).with_name("blender_manifest.toml").read_text(encoding="utf-8")
 __version__ = re.findall(r'^version = "(.+)"$', _MANIFEST, re.MULTILINE)[0]
@@ -27,9 +29,10 @@ def unregister() -> None:
     shock_addon.unregister()
 
 
-def __getattr__(name: str) -> Any:
-    if name == "live":  # for scripts in Blender: ``shock_filter.live.update(obj)``
-        from .shock_addon import live
+if not TYPE_CHECKING:
 
-        return live
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> ModuleType:
+        """Import what scripts in Blender use: ``shock_filter.live.update(obj)``."""
+        if name != "live":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return import_module(".shock_addon.live", __name__)

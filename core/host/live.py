@@ -40,9 +40,7 @@ class Marks:
     places: npt.NDArray[np.int32]
 
 
-def movement(
-    old: npt.NDArray[np.float32], new: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
+def movement(old: npt.NDArray[np.float32], new: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return what is added to positions in float32 to get new ones: (n, 3).
 
     The sums are the new positions to the bit where coordinates change by less than a factor of two;

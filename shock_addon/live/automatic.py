@@ -21,7 +21,7 @@ _REST = 0.3
 _seen = 0
 _rested = 0.0
 _is_allowed = True
-"""Whether copies of the open file may update themselves; not those of a file that was just opened."""
+"""Whether copies may update themselves: not in a file that was opened, until someone says so."""
 
 _refused: set[int] = set()
 """Uids of copies whose last update failed, until their source changes again."""

@@ -20,11 +20,14 @@ def _active(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
-    """Make the live results of the selected objects again, with the settings that made them. \
-The modifiers keep their inputs, and live copies take what their source shows now"""
+    """Make live results again."""
 
     bl_idname = "shock_filter.update_live"
     bl_label = "Update"
+    bl_description = (
+        "Make the live results of the selected objects again, with the settings that made them."
+        " The modifiers keep their inputs, and live copies take what their source shows now"
+    )
     bl_options = {"UNDO"}
 
     @classmethod
@@ -56,11 +59,14 @@ The modifiers keep their inputs, and live copies take what their source shows no
 
 
 class SHOCK_FILTER_OT_auto_update_live(bpy.types.Operator):
-    """Update this live copy whenever its source has changed. In a file that was opened it waits \
-until it is turned on"""
+    """Update a live copy by itself, or no more."""
 
     bl_idname = "shock_filter.auto_update_live"
     bl_label = "Auto Update"
+    bl_description = (
+        "Update this live copy whenever its source has changed. In a file that was opened it waits"
+        " until this is pressed"
+    )
     bl_options = {"UNDO"}
 
     @classmethod
@@ -77,11 +83,14 @@ until it is turned on"""
 
 
 class SHOCK_FILTER_OT_paint_live(bpy.types.Operator):
-    """Paint where the live result is seen: in Weight Paint Mode, into a vertex group that the \
-modifier takes as Mask. It is full at first where there is none; paint with weight 0"""
+    """Paint a mask of a live result."""
 
     bl_idname = "shock_filter.paint_live"
     bl_label = "Paint Where"
+    bl_description = (
+        "Paint where the live result is seen: in Weight Paint Mode, into the vertex group that the"
+        " modifier takes as Mask. A new one is 1 everywhere; paint with weight 0"
+    )
     bl_options = {"UNDO"}
 
     @classmethod

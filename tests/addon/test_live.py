@@ -162,7 +162,7 @@ def rotated(bm):
 
 
 def without_a_face(bm):
-    bmesh.ops.delete(bm, geom=[list(bm.faces)[0]], context="FACES_ONLY")
+    bmesh.ops.delete(bm, geom=list(bm.faces)[:1], context="FACES_ONLY")
 
 
 def merged(bm):
@@ -178,7 +178,9 @@ def replaced(bm):
 
 
 @pytest.mark.parametrize(
-    "edit", [deleted, subdivided, rotated, without_a_face, merged, replaced], ids=lambda f: f.__name__
+    "edit",
+    [deleted, subdivided, rotated, without_a_face, merged, replaced],
+    ids=lambda f: f.__name__,
 )
 def test_edits_of_the_connectivity_pass_the_mesh_through(rounded_box, edit):
     box = rounded_box()
@@ -368,6 +370,23 @@ def test_a_live_copy_remembers_its_source(joined_cubes):
     bpy.data.objects.remove(cube)
     with pytest.raises(RuntimeError, match="was removed"):
         live.update(copy)
+
+
+def test_a_painted_mask_stays_where_it_was_when_a_copy_is_updated(joined_cubes):
+    _, operand = joined_cubes
+    sharpen(output="LIVE")
+    copy = bpy.context.object
+    bpy.ops.shock_filter.paint_live()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    below = np.flatnonzero(read_positions(copy.data)[:, 2] < 0.5)
+    copy.vertex_groups.active.add(below.tolist(), 0.0, "REPLACE")
+    operand.location.x = 0.8
+    bpy.context.view_layer.update()
+    live.update(copy)
+    positions = read_positions(copy.data)
+    moved = (seen(copy) != positions).any(axis=1)
+    assert moved[positions[:, 2] > 0.7].any()
+    assert not moved[positions[:, 2] < 0.3].any()
 
 
 def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path):

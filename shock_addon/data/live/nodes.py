@@ -8,6 +8,7 @@ it decides as `core.host.live.is_fitting` does.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
@@ -25,7 +26,7 @@ VERTEX, COUNTS, ENDS, PLACE, SHARP = (
     ".shock_place",
     ".shock_sharp",
 )
-"""Attributes beside the movement: its marks, see `core.host.live.Marks`, and edges that become sharp."""
+"""Attributes: marks of the movement, see `core.host.live.Marks`, and edges that become sharp."""
 
 ATTRIBUTES = (MOVE, VERTEX, COUNTS, ENDS, PLACE, SHARP)
 """All of these, with the movement."""
@@ -146,12 +147,14 @@ class _Drawing:
         self._rows: dict[int, int] = {}
         self.link = tree.links.new
 
-    def node(self, kind: str, column: int, values: dict[str, Any] = {}, **linked: Any) -> Any:
+    def node(
+        self, kind: str, column: int, values: Mapping[str, Any] | None = None, **linked: Any
+    ) -> Any:
         """Add a node with these values, whose inputs are linked to these sockets."""
         node = self._tree.nodes.new(kind)
         row = self._rows[column] = self._rows.get(column, -1) + 1
         node.location = 200.0 * column, -220.0 * row
-        for name, value in values.items():
+        for name, value in (values or {}).items():
             setattr(node, name, value)
         for name, socket in linked.items():
             self.link(socket, node.inputs[name])

@@ -13,6 +13,7 @@ import bpy
 from ....core.base.memo import equal
 from .. import arrays
 from .targets import MeshTarget, find
+from .vertex_groups import carry
 
 _WRITTEN = ("position", "sharp_edge", "custom_normal")
 """Attributes that a run may change, besides colors."""
@@ -94,7 +95,7 @@ def write_into(
 ) -> None:
     """Write a result of what is seen of another object into the one that was read.
 
-    Its name, materials and modifiers stay.
+    Its name, materials, modifiers and vertex groups of its own stay.
 
     Parameters
     ----------
@@ -109,8 +110,9 @@ def write_into(
         As `write` does, and nothing has changed then.
     """
     obj = find(target)
-    new = _copy(source)
-    mesh, old = new.data, obj.data
+    new, old = _copy(source), obj.data
+    carry(old, new)
+    mesh = new.data
     try:
         write(replace(target, object_uid=new.session_uid, mesh_uid=mesh.session_uid), result)
         mesh.materials.clear()
