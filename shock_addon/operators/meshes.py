@@ -114,7 +114,7 @@ class MeshOperator(FilterOperator):
             advice = ""
             if self.row.nothing and not any(result.moved for result in results):
                 has_modifiers = any(
-                    each.data.modifiers and not each.target.is_seen for each in written
+                    _other_modifiers(each.data) and not each.target.is_seen for each in written
                 )
                 advice = _APPLY if has_modifiers else self.advice
                 text = pgettext_rpt(self.row.nothing)
@@ -203,8 +203,7 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
         Has `output`, `custom_normals` and `mark_sharp`.
     """
     found = []
-    lives = [data.chosen.live_modifier(obj) for obj in objects]
-    if any(set(obj.modifiers) - {live} for obj, live in zip(objects, lives, strict=True)):
+    if any(map(_other_modifiers, objects)):
         found.append(pgettext_rpt("Modifiers were left in place and act on the new shape."))
     if parameters.custom_normals == "KEEP" and any(obj.data.has_custom_normals for obj in objects):
         found.append(
@@ -230,6 +229,12 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
             )
             found.append(text.format(name=key.name))
     return " ".join(found)
+
+
+def _other_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
+    # Without that of a live result.
+    live = data.chosen.live_modifier(obj)
+    return [each for each in obj.modifiers if each != live]
 
 
 def _hidden_marks(mesh: bpy.types.Mesh) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edits at random on objects with a live result: no error, nothing explodes, nothing stale is shown.
+"""Edits at random on objects with a live result: nothing fails, explodes, or is stale and seen.
 
 ``python tests/addon/test_live_edits.py 500 1`` does 500 edits with the seed 1.
 """

@@ -11,7 +11,6 @@ from .. import LIVE_SOURCE
 from ..chosen import live_source
 from ..mesh import visible
 from ..mesh.targets import MeshTarget, find
-from ..skipped import Skipped
 from . import movement, stacks, watching
 
 
@@ -35,9 +34,3 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
         new[LIVE_SOURCE] = obj
         watching.note_updated(new)
     return new
-
-
-def check(obj: bpy.types.Object) -> None:
-    """Raise `Skipped` for a copy whose source is gone."""
-    if LIVE_SOURCE in obj and live_source(obj) is None:
-        raise Skipped("the object that it is a live copy of was removed")
