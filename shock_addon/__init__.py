@@ -10,9 +10,9 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.host import forgetting
+from . import data
 from .commands import registration as command
 from .data import shown
-from .data.live import watching
 from .flow import marking
 from .flow import operator as flow_operator
 from .flow import showing as flow_shown
@@ -67,17 +67,17 @@ def _note_redo(*_: object) -> None:
 
 @persistent
 def _note_changes(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
-    watching.note(scene, graph)
+    data.live.watching.note(scene, graph)
 
 
 @persistent
 def _keep_changes(*_: object) -> None:
-    watching.keep()
+    data.live.watching.keep()
 
 
 @persistent
 def _read_changes(*_: object) -> None:
-    watching.read()
+    data.live.watching.read()
     automatic.forbid()
 
 
@@ -147,6 +147,6 @@ def unregister() -> None:
     properties.unregister()
     translations.unregister()
     _forget_file()
-    watching.forget()
+    data.live.watching.forget()
     statistics.forget()
     kernels.unregister()

@@ -58,7 +58,7 @@ def test_amounts_go_from_the_mesh_to_the_result_and_beyond(rounded_box):
 
 
 def test_a_movement_brings_positions_to_the_bit_unless_they_change_much():
-    from shock_filter.core.host.live import movement
+    from shock_filter.core.host.live.movement import movement
 
     rng = np.random.default_rng(1)
     old = rng.normal(size=(20_000, 3)).astype(np.float32)

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ....core.host.live import Marks, is_fitting, marks_of, movement, places
+from ....core.host.live.movement import Marks, is_fitting, marks_of, movement, places
 from .. import LIVE_STAMP, MOVE, arrays
 from ..mesh import colors, geometry, painted, shading
 from ..mesh.targets import MeshTarget, find

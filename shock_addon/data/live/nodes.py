@@ -3,7 +3,7 @@
 
 It is built of nodes that Blender 4.2 to 5.2 have, so that it works where the extension is missing.
 Where the mesh has another connectivity than the movement was computed for, it hands its input on;
-it decides as `core.host.live.is_fitting` does.
+it decides as `core.host.live.movement.is_fitting` does.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ VERTEX, COUNTS, ENDS, PLACE, SHARP = (
     ".shock_place",
     ".shock_sharp",
 )
-"""Attributes: marks of the movement, see `core.host.live.Marks`, and edges that become sharp."""
+"""Attributes: marks of the movement (`core.host.live.movement.Marks`), and edges to be sharp."""
 
 ATTRIBUTES = (MOVE, VERTEX, COUNTS, ENDS, PLACE, SHARP)
 """All of these, with the movement."""
