@@ -141,6 +141,8 @@ class Filter(Row):
         Whether it has a mask.
     takes_guide : bool
         Whether the flow of another image may move the values.
+    takes_known : bool
+        Whether what it measures of a whole image may be that of another image.
     takes_gain : bool
         Whether its gain may be painted: the setting with that role.
     takes_others : bool
@@ -177,6 +179,7 @@ class Filter(Row):
     fills_gutter: bool = False
     takes_mask: bool = True
     takes_guide: bool = False
+    takes_known: bool = False
     takes_gain: bool = False
     takes_others: bool = False
     takes_normals: bool = False
@@ -420,6 +423,7 @@ FILTERS: tuple[Filter, ...] = (
         "sharpen images",
         _sharpen_image,
         takes_guide=True,
+        takes_known=True,
     ),
     Filter(
         "sharpen_texture",

@@ -111,8 +111,27 @@ def _unregister_at_exit() -> None:
         unregister()
 
 
+def _refuse_second_copy() -> None:
+    # Of two copies, from two repositories, one would replace the classes of the other.
+    own = __package__.rpartition(".")[0]
+    for name, module in sys.modules.items():
+        is_copy = name != own and name.rpartition(".")[2] == "shock_filter"
+        if is_copy and getattr(module, "__addon_enabled__", False):
+            raise RuntimeError(
+                f"Shock Filter {module.__version__} is enabled already, as {name}. Disable that one"
+                " in the preferences, under Add-ons, then enable this one."
+            )
+
+
 def register() -> None:
-    """Register everything; it is unregistered when the process ends, at the latest."""
+    """Register everything; it is unregistered when the process ends, at the latest.
+
+    Raises
+    ------
+    RuntimeError
+        If another copy of the extension is enabled; that one goes on working.
+    """
+    _refuse_second_copy()
     atexit.register(_unregister_at_exit)
     kernels.register()
     translations.register()

@@ -13,11 +13,13 @@ import itertools
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from functools import cache
+from threading import Event
 from typing import Any
 
 from .compiled import Kernel, library
-from .progress import ask
+from .progress import ask, reporting
 
 LARGEST_CHUNK = 1 << 15
 """Most indices per kernel call: few enough that cancelling takes milliseconds."""
@@ -99,9 +101,37 @@ if hasattr(os, "register_at_fork"):  # a forked process lacks its parent's threa
     os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
-def begin(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-    """Call a function on another core while this one continues; it reports no progress."""
-    return _pool().submit(function, *arguments)
+@contextmanager
+def beside() -> Iterator[Callable[..., Future[Any]]]:
+    """Yield a function that calls others on other cores while the block continues.
+
+    Leaving the block waits for them; if the run is cancelled, or the block fails, they end at
+    their next `ask`. They report no progress.
+    """
+    ends = Event()
+    futures: list[Future[Any]] = []
+
+    def call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        with reporting(lambda *_: not ends.is_set()):
+            return function(*arguments)
+
+    def begin(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        futures.append(_pool().submit(call, function, arguments))
+        return futures[-1]
+
+    try:
+        yield begin
+        while wait(futures, _PATIENCE).not_done:
+            ask()
+    except BaseException:
+        ends.set()
+        raise
+    finally:
+        wait(futures)  # as they may write to the caller's arrays
+
+
+_PATIENCE = 0.05
+"""Seconds between two questions while others work."""
 
 
 def run(

@@ -90,6 +90,14 @@ class FileBackend:
                 help="image of the same size whose flow moves the values of IN, so that several"
                 " maps get their borders in the same places",
             )
+        if command.takes_known:
+            parser.add_argument(
+                "--like",
+                type=FileName,
+                metavar="FILE",
+                help="image whose blur and noise count instead of those of each IN, such as the"
+                " first frame of a sequence",
+            )
         if command.takes_gain:
             add_gain_map(parser)
         if command.takes_others:
@@ -129,8 +137,21 @@ class FileBackend:
         words = {}
         if named(command.settings, "enlargement"):
             words["times"] = value_of(settings, "enlargement")
-        pipeline = _pipeline(command.kind)
-        return pipeline(partial(function, settings=settings), *files, asked, **words)
+        filtering = partial(function, settings=settings)
+        if command.takes_known and options.like:
+            filtering = partial(filtering, known=_measured(options.like, settings, asked))
+        return _pipeline(command.kind)(filtering, *files, asked, **words)
+
+
+def _measured(path: str, settings: Any, asked: Any) -> Any:
+    # What counts of another image.
+    from ..color.image_sharpening import measure_image
+    from ..files.image_formats import read_image
+
+    pixels = read_image(Path(path), asked.any_size).pixels
+    if pixels.dtype.name == "float16":
+        pixels = pixels.astype("float32")
+    return measure_image(pixels, settings)
 
 
 def _pipeline(kind: Kind) -> Any:

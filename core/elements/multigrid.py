@@ -13,14 +13,14 @@ Internal vectors are (channels, n): rows become vector instructions, which takes
 
 from __future__ import annotations
 
-from concurrent.futures import Future, wait
+from concurrent.futures import Future
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..atlas.sheet import ROWS
 from ..base.checks import Floats
-from ..base.parallel import begin, kernel, run, sum_kernel
+from ..base.parallel import beside, kernel, run, sum_kernel
 from ..base.progress import aside, phase
 from ..errors import SolverError
 from ..linear.cg import SolveReport
@@ -104,7 +104,7 @@ class SheetSolver:
         self._vectors: list[Singles] | None = None
         parts: list[tuple[SheetMatrix, BlockRows, Runs, Singles]] = []
         blocks: list[Future[SeamBlock]] = []
-        try:
+        with beside() as begin:
             while True:
                 done = min(0.2 * len(blocks), 0.9)
                 with phase(done, done, "Coarsening"):
@@ -118,8 +118,6 @@ class SheetSolver:
                     if len(parts[-1][2].columns) == 0 or not coarsen:
                         break
                     matrix = coarsened(matrix, kinds, rows, number)
-        finally:
-            wait(blocks)
         self._levels = [
             _Level(matrix, rows, block.result(), runs, inverse)
             for (matrix, rows, runs, inverse), block in zip(parts, blocks, strict=True)

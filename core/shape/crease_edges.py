@@ -18,6 +18,7 @@ from ..base.progress import ask
 from ..base.vectors import TIE_BREAKER, after, cross, dot, edge
 from ..mesh.calculus import greatest_to_faces, greatest_to_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..sparse.components import root_of
 
 Bools = npt.NDArray[np.bool_]
 Singles = npt.NDArray[np.float32]
@@ -233,34 +234,26 @@ def _go_around(twins, turns, hidden, chosen):
 
 
 @kernel
-def _root(parts, f):
-    while parts[f] != f:
-        parts[f] = parts[parts[f]]
-        f = parts[f]
-    return f
-
-
-@kernel
 def _unite(start, stop, twins, chosen, parts):
     # Faces across edges that are no creases belong together; the lowest face names them.
     for f in range(start, stop):
         for k in range(3):
             if twins[f, k] >= 3 * f and not chosen[f, k]:
-                a, b = _root(parts, f), _root(parts, twins[f, k] // 3)
+                a, b = root_of(parts, f), root_of(parts, twins[f, k] // 3)
                 parts[max(a, b)] = min(a, b)
 
 
 @kernel
 def _unite_pairs(ones, others, parts):
     for i in range(len(ones)):
-        a, b = _root(parts, ones[i]), _root(parts, others[i])
+        a, b = root_of(parts, ones[i]), root_of(parts, others[i])
         parts[max(a, b)] = min(a, b)
 
 
 @kernel
 def _flatten(start, stop, parts):
     for f in range(start, stop):
-        parts[f] = _root(parts, f)
+        parts[f] = root_of(parts, f)
 
 
 @kernel

@@ -52,7 +52,8 @@ def connected_components(
 
 
 @kernel
-def _root(parents, node):
+def root_of(parents, node):
+    """Return the root of a node's set, and halve the path to it."""
     while parents[node] != node:
         parents[node] = parents[parents[node]]
         node = parents[node]
@@ -62,7 +63,7 @@ def _root(parents, node):
 @kernel
 def _join(start, stop, one, other, parents):
     for i in range(start, stop):
-        a, b = _root(parents, one[i]), _root(parents, other[i])
+        a, b = root_of(parents, one[i]), root_of(parents, other[i])
         parents[max(a, b)] = min(a, b)
 
 

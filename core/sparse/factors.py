@@ -12,7 +12,7 @@ from ..base.parallel import kernel, run_in_order
 from .matrix import Floats, Ints, Sparse, running_totals
 from .ordering import minimum_degree
 
-_CHUNK = 1 << 13
+_CHUNK = 1 << 10
 
 
 class Factors(NamedTuple):

@@ -19,7 +19,7 @@ from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import ask
 from .matrix import Ints, Sparse, absolute, added, couplings_of, transposed
 
-_AT_ONCE = 1 << 13
+_AT_ONCE = 1 << 10
 """Unknowns that are eliminated between two questions."""
 
 

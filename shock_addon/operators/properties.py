@@ -216,8 +216,8 @@ _STARTS = [
     (
         "AUTO",
         "Auto",
-        "The vertices and edges that are selected in Edit Mode; the lowest ones if that is nothing,"
-        " or everything",
+        "The vertices and edges that are selected in Edit Mode; if that is nothing, or everything,"
+        " the edges that are marked as sharp, or else the lowest vertices",
     ),
     ("SELECTED", "Selection", "The vertices and edges that are selected in Edit Mode"),
     ("LOWEST", "Lowest Point", "The lowest vertices in the scene, such as those on the ground"),

@@ -362,6 +362,19 @@ def test_the_first_press_counts_from_the_lowest_vertices(sheet, selected):
     assert "counts from the lowest" not in operators.summaries["generate"]
 
 
+@pytest.mark.parametrize("selected", [False, True])
+def test_without_a_selection_it_counts_from_marked_edges(sheet, selected):
+    sheet.data.vertices.foreach_set("select", [selected] * len(sheet.data.vertices))
+    x = np.empty(3 * len(sheet.data.vertices), np.float32)
+    sheet.data.vertices.foreach_get("co", x)
+    at_left = x[::3] <= x[::3].min() + 1e-4
+    for edge in sheet.data.edges:
+        edge.use_edge_sharp = bool(at_left[list(edge.vertices)].all())
+    assert generate(look="distance", image_size=str(SIZE)) == {"FINISHED"}
+    assert np.abs(read("Grid Distance") - from_left()).max() < 0.02
+    assert "edges that are marked as sharp" in operators.summaries["generate"]
+
+
 def test_what_is_selected_in_edit_mode_counts_and_the_mode_stays(sheet):
     select(sheet)
     bpy.ops.object.mode_set(mode="EDIT")

@@ -182,6 +182,29 @@ def test_a_library_that_does_not_fit_is_named_with_its_reason(blender, tmp_path)
     assert not moved
 
 
+SECOND_COPY = """
+other = types.ModuleType("bl_ext.other.shock_filter")
+other.__version__, other.__addon_enabled__ = "99.0.0", True
+sys.modules[other.__name__] = other
+try:
+    shock_filter.register()
+    said = ""
+except RuntimeError as error:
+    said = str(error)
+left = hasattr(bpy.types.Scene, "shock_filter")
+other.__addon_enabled__ = False
+shock_filter.register()
+print(json.dumps([said, left, hasattr(bpy.types.Scene, "shock_filter")]))
+shock_filter.unregister()
+"""
+
+
+def test_a_second_copy_is_refused_while_one_is_enabled(blender):
+    said, left, later = blender("import types" + SECOND_COPY)
+    assert said.startswith("Shock Filter 99.0.0 is enabled already, as bl_ext.other.shock_filter.")
+    assert (left, later) == (False, True)
+
+
 def test_nothing_of_a_file_is_kept_when_another_is_opened(blender):
     kept = blender(
         """

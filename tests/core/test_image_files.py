@@ -17,6 +17,7 @@ from on_files import sharpen_image_file
 from PIL import Image, ImageCms, PngImagePlugin
 from shock_filter import core
 from shock_filter.core import cli
+from shock_filter.core.color.image_sharpening import measure_image
 from shock_filter.core.files.formats.image.pillow import read_pillow
 
 STILL = core.ImageSettings(time=0)
@@ -653,3 +654,25 @@ def test_command_line(capsys):
     assert capsys.readouterr().out == ""
     assert cli.main(["sharpen-image", *words, "--invert-mask", "--overwrite"]) == 0
     assert Path("masked.png").read_bytes() != Path("a.png").read_bytes()
+
+
+def test_what_counts_of_the_whole_may_be_that_of_another_image():
+    first = picture(3, size=(64, 64))
+    rng = np.random.default_rng(0)
+    second = np.clip(first + rng.normal(scale=12.0, size=first.shape), 0, 255).astype(np.uint8)
+    write("first.png", first)
+    write("second.png", second)
+    assert cli.main(["sharpen-image", "second.png", "own.png", "--quiet"]) == 0
+    assert cli.main(["sharpen-image", "second.png", "like.png", "--like", "first.png"]) == 0
+    wanted = core.sharpen_image(second, known=measure_image(first))
+    found = np.asarray(Image.open("like.png"))
+    np.testing.assert_array_equal(found, wanted)
+    assert (found != np.asarray(Image.open("own.png"))).any()
+
+
+def test_an_image_to_measure_in_that_is_missing_is_named(capsys):
+    write("first.png", picture(3))
+    words = ["sharpen-image", "first.png", "out.png", "--like", "none.png"]
+    assert cli.main(words) != 0
+    assert "none.png" in capsys.readouterr().err
+    assert not Path("out.png").exists()

@@ -190,6 +190,18 @@ def test_hidden_pixels_lend_no_color_and_stay_hidden():
     assert (one[:, 151:, :3] != image[:, 151:, :3]).any()
 
 
+def test_the_report_says_that_opacity_was_sharpened():
+    alpha = ndimage.gaussian_filter(logo()[..., 3], 1.5).astype(np.float32)
+    image = np.concatenate([np.full((*alpha.shape, 3), 0.5, np.float32), alpha[..., None]], axis=2)
+    with gathering() as findings:
+        core.sharpen_image(image)
+    assert "Opacity was sharpened, too." in map(str, findings)
+    image[..., 3] = 1
+    with gathering() as findings:
+        core.sharpen_image(image)
+    assert "Opacity was sharpened, too." not in map(str, findings)
+
+
 def test_even_opacity_changes_nothing():
     color = scene(14)
     plain = core.sharpen_image(color)
@@ -417,6 +429,11 @@ def test_logarithms_are_exact_enough():
     values = np.concatenate([[0.0], np.geomspace(1e-6, 1e20, 500)]).astype(np.float32)
     found = np.array([half_log(value) for value in values])
     np.testing.assert_allclose(found, 0.5 * np.log(values + 1e-5) + 2, atol=2e-4)
+
+
+def test_logarithms_of_nan_are_the_same_on_all_processors():
+    nan = np.array([0x7FC00000, 0xFFC00000], np.uint32).view(np.float32)  # of ARM, of x86
+    assert half_log(nan[0]) == half_log(nan[1]) == pytest.approx(-42.1588, abs=1e-3)
 
 
 def test_planes_hold_hidden_pixels_as_0_and_ranges_without_them():

@@ -55,6 +55,31 @@ def test_an_error_is_raised_only_when_all_threads_have_stopped(monkeypatch):
         assert written.sum() == 3
 
 
+def test_what_runs_beside_ends_when_the_run_is_cancelled():
+    questions = []
+
+    def work():
+        for _ in range(2000):
+            parallel.ask()
+            time.sleep(0.005)
+        return "to the end"
+
+    def progress(fraction, message):
+        questions.append(threading.current_thread())
+        return len(questions) < 3
+
+    with pytest.raises(core.Cancelled), reporting(progress), parallel.beside() as begin:
+        future = begin(work)
+    assert isinstance(future.exception(), core.Cancelled)
+    assert set(questions) == {threading.current_thread()}
+
+
+def test_leaving_waits_for_what_runs_beside():
+    with parallel.beside() as begin:
+        future = begin(time.sleep, 0.15)
+    assert future.done()
+
+
 def test_canceling_waits_for_all_threads(monkeypatch):
     monkeypatch.setattr(parallel, "thread_count", lambda: 4)
     monkeypatch.setattr(parallel, "_pool", cache(lambda: ThreadPoolExecutor(3)))

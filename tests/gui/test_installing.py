@@ -10,14 +10,23 @@ def test_scenario_ran_to_its_end(fresh):
     assert fresh.get("ended"), fresh["said"]
 
 
-def test_each_way_brings_a_version_that_works(fresh):
-    versions = [fresh[way][0] for way in ("installed", "updated", "dropped")]
-    assert versions == [build_extension.version(), NEWER, build_extension.version()]
-    assert all(fresh[way][1] > 0.05 for way in ("installed", "updated", "dropped"))
+def test_installed_updated_and_removed_it_works_twice(fresh):
+    for seen in fresh["rounds"]:
+        assert [seen[step][0] for step in ("installed", "updated")] == [
+            build_extension.version(),
+            NEWER,
+        ]
+        assert all(seen[step][1] > 0.05 for step in ("installed", "updated"))
+    assert len(fresh["rounds"]) == 2
 
 
 def test_settings_survive_the_update(fresh):
-    assert fresh["time"] == 77.0
+    assert [seen["time"] for seen in fresh["rounds"]] == [77.0, 77.0]
+
+
+def test_the_dropped_zip_works(fresh):
+    assert fresh["dropped"][0] == build_extension.version()
+    assert fresh["dropped"][1] > 0.05
 
 
 def test_a_mesh_is_sharpened_right_after_the_zip_was_dropped(fresh, capsys):
@@ -30,3 +39,14 @@ def test_a_mesh_is_sharpened_right_after_the_zip_was_dropped(fresh, capsys):
 def test_disabled_and_enabled_again_it_works(fresh):
     assert [version for version, _ in fresh["again"]] == [build_extension.version()] * 2
     assert all(change > 0.05 for _, change in fresh["again"])
+
+
+def test_a_second_copy_is_refused_with_the_remedy(fresh):
+    assert f"{build_extension.version()} is enabled already, as bl_ext." in fresh["refused"]
+
+
+def test_two_copies_take_turns_and_each_works(fresh):
+    old = build_extension.version()
+    versions = [version for version, _ in fresh["both"]]
+    assert versions == [old, NEWER, old, NEWER, old, old]
+    assert all(change > 0.05 for _, change in fresh["both"])

@@ -52,3 +52,7 @@ def test_an_image_is_made(report, job):
 
 def test_a_small_drawing_becomes_three_times_as_large(report):
     assert list(report["small_drawing"]["made"].values()) == [[288, 288]]
+
+
+def test_a_mask_rises_from_the_marked_edges(report):
+    assert "marked as sharp" in report["edges"]["summaries"]["generate"]

@@ -35,3 +35,8 @@ def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
         tell(f"Borders up to {{width:.1f}} {unit} wide were closed.", width=width)
     else:
         tell("Texture was sharpened; borders stay as wide as they were.")
+
+
+def tell_opacity() -> None:
+    """Report that opacity was sharpened, which has borders of its own."""
+    tell("Opacity was sharpened, too.")

@@ -13,9 +13,13 @@ def half_log(value):
     """Half the logarithm of a value that is not negative, plus 2: exact to 1e-4.
 
     1e-5 is added first. The exponent is read from the bits, and a polynomial of the mantissa does
-    the rest: it is the same on every machine, and compilers turn it into code for vectors.
+    the rest: it is the same on every machine, and compilers turn it into code for vectors. Windows
+    without contrast give NaN, 0/0, whose sign differs between processors: it counts as negative, as
+    on those that the networks were trained on, and gives about -42.
     """
     bits = np.float32(value + np.float32(1e-5)).view(np.int32)
+    if (bits & 0x7FFFFFFF) > 0x7F800000:
+        bits = np.int32(-0x400000)
     m = np.int32((bits & 0x7FFFFF) | 0x3F800000).view(np.float32) - np.float32(1)
     p = np.float32(-0.2023112) + m * np.float32(0.0483346)
     p = np.float32(1.4420250) + m * (np.float32(-0.7128051) + m * (np.float32(0.4247566) + m * p))

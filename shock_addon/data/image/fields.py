@@ -222,13 +222,10 @@ def _given(
     elif "start" in places and parameters.start == "LOWEST":
         given |= _lowest(objects)
     elif "start" in places and parameters.start == "AUTO":
-        try:
-            given |= _starts(objects, parameters)
-        except Skipped:
-            text = "Nothing, or all, is selected, so the distance counts from the lowest vertices."
-            return _lowest(objects), [pgettext_rpt(text)]
+        found, remarks = _found_start(objects)
+        return given | found, remarks
     elif "start" in places:
-        given |= _starts(objects, parameters)
+        given |= _starts(objects, parameters.start, parameters.start_group)
     if "along" in places and parameters.along == "ATTRIBUTE":
         given |= read_directions(objects, parameters.along_attribute)
     elif "along" in places:
@@ -280,16 +277,33 @@ def read_directions(objects: list[bpy.types.Object], name: str) -> dict[str, Any
     return {"rising": np.concatenate(numbers)}
 
 
-def _starts(objects: list[bpy.types.Object], parameters: Any) -> dict[str, Any]:
+def _found_start(objects: list[bpy.types.Object]) -> tuple[dict[str, Any], list[str]]:
+    # What the artist has chosen in some way, and remarks for the report.
+    for start, remark in _CHOSEN.items():
+        try:
+            return _starts(objects, start), [pgettext_rpt(remark)] if remark else []
+        except Skipped:
+            pass
+    text = "Nothing, or all, is selected, so the distance counts from the lowest vertices."
+    return _lowest(objects), [pgettext_rpt(text)]
+
+
+_CHOSEN = {
+    "SELECTED": "",
+    "SHARP": "Nothing, or all, is selected, so the distance counts from the edges that are marked"
+    " as sharp.",
+}
+
+
+def _starts(objects: list[bpy.types.Object], start: str, vertex_group: str = "") -> dict[str, Any]:
     # Vertices and edges, numbered through all objects.
-    start = "SELECTED" if parameters.start == "AUTO" else parameters.start
     vertices, edges, first = [], [], 0
     for obj in objects:
         mesh = obj.data
         pairs = arrays.read(mesh.edges, "vertices", 2, dtype=np.int32)
         chosen = np.zeros(len(mesh.vertices), dtype=bool)
         if start == "GROUP":
-            chosen = group_weights(obj, parameters.start_group) >= _HALF
+            chosen = group_weights(obj, vertex_group) >= _HALF
             marked = chosen[pairs].all(axis=1)
         else:
             marked = arrays.read(mesh.edges, _MARKS[start], dtype=bool)

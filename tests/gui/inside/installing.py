@@ -17,31 +17,44 @@ REPOSITORY = "shock_releases"
 
 
 def scenario() -> Steps:
-    """Add the repository, install, use, update, use, remove, and drop the zip."""
+    """Install, use, update, use and remove, twice; drop the zip; then have two copies."""
     preferences = bpy.context.preferences
     preferences.system.use_online_access = True  # asked for even where files are read
     url = (RELEASES / "index.json").as_uri()
     preferences.extensions.repos.new(name="Shock Filter", module=REPOSITORY, remote_url=url)
-    one = {"repo_index": refreshed(), "pkg_id": "shock_filter"}
-    with over():
-        bpy.ops.extensions.package_install("INVOKE_DEFAULT", enable_on_install=True, **one)
-    yield from until(version)
-    report["installed"] = version(), largest_change()
-    bpy.context.scene.shock_filter.geometry.time = 77.0
+    yield from refresh()
+    report["rounds"] = []
+    for _ in range(2):
+        yield from install_update_remove()
+    yield from drop_zip()
+    yield from enable_again(enabled_module())
+    yield from install_second_copy()
 
-    RELEASES.rename(RELEASES.with_name("older"))
-    RELEASES.with_name("newer").rename(RELEASES)
-    refreshed()
+
+def install_update_remove() -> Steps:
+    """Install from the repository, update, and remove; the repository is as before then."""
+    with over():
+        bpy.ops.extensions.package_install("INVOKE_DEFAULT", enable_on_install=True, **package())
+    yield from until(version)
+    installed = version(), largest_change()
+    bpy.context.scene.shock_filter.geometry.time = 77.0
+    exchange_releases()
+    yield from refresh()
     with over():
         bpy.ops.extensions.package_upgrade_all("INVOKE_DEFAULT")
-    yield from until(lambda: version() not in ("", report["installed"][0]))
-    report["updated"] = version(), largest_change()
-    report["time"] = bpy.context.scene.shock_filter.geometry.time
-
+    yield from until(lambda: version() not in ("", installed[0]))
+    updated = version(), largest_change()
+    time_set = bpy.context.scene.shock_filter.geometry.time
     with over():
-        bpy.ops.extensions.package_uninstall("INVOKE_DEFAULT", **one)
+        bpy.ops.extensions.package_uninstall("INVOKE_DEFAULT", **package())
     yield from until(lambda: not version())
+    exchange_releases()
+    yield from refresh()
+    report["rounds"].append({"installed": installed, "updated": updated, "time": time_set})
 
+
+def drop_zip() -> Steps:
+    """Drop the zip onto the window, and sharpen a mesh at once."""
     with over():  # as Blender does with a file that is dropped: it asks
         zip_file = str(Path.home() / "extension.zip")
         bpy.ops.extensions.package_install_files("INVOKE_DEFAULT", url=zip_file)
@@ -54,7 +67,9 @@ def scenario() -> Steps:
     report["seconds"] = installed - began, time.perf_counter() - installed
     report["dropped"] = version(), largest_change()
 
-    (module,) = [each.module for each in preferences.addons if each.module.endswith("shock_filter")]
+
+def enable_again(module: str) -> Steps:
+    """Disable and enable the extension, twice."""
     report["again"] = []
     for _ in range(2):
         bpy.ops.preferences.addon_disable(module=module)
@@ -64,19 +79,81 @@ def scenario() -> Steps:
         report["again"].append((version(), largest_change()))
 
 
-def refreshed() -> int:
-    """Have Blender read the repository; return its number."""
+def install_second_copy() -> Steps:
+    """Install the newer version into another repository; use each, then remove the second."""
+    first, second = enabled_module(), "bl_ext.user_default.shock_filter"
+    newer = str(RELEASES.with_name("newer") / "newer.zip")
+    bpy.ops.extensions.package_install_files(
+        filepath=newer, repo="user_default", enable_on_install=False
+    )
+    try:
+        bpy.ops.preferences.addon_enable(module=second)
+    except RuntimeError as refused:  # an error that an operator reports
+        report["refused"] = str(refused)
+    report["both"] = [(version(), largest_change())]
+    for off, on in 2 * ((first, second), (second, first)):
+        bpy.ops.preferences.addon_disable(module=off)
+        bpy.ops.preferences.addon_enable(module=on)
+        yield DRAWN
+        report["both"].append((version(), largest_change()))
+    (number,) = [
+        i
+        for i, repo in enumerate(bpy.context.preferences.extensions.repos)
+        if repo.module == "user_default"
+    ]
+    bpy.ops.extensions.package_uninstall(repo_index=number, pkg_id="shock_filter")
+    yield DRAWN
+    report["both"].append((version(), largest_change()))
+
+
+def package() -> dict[str, object]:
+    """Return what names the extension to Blender's operators."""
+    return {"repo_index": repository(), "pkg_id": "shock_filter"}
+
+
+def exchange_releases() -> None:
+    """Have the repository hold the newer version, or the older one again."""
+    other, between = RELEASES.with_name("newer"), RELEASES.with_name("between")
+    RELEASES.rename(between)
+    other.rename(RELEASES)
+    between.rename(other)
+
+
+def enabled_module() -> str:
+    """Return the name of the module that is enabled."""
+    addons = bpy.context.preferences.addons
+    (module,) = [each.module for each in addons if each.module.endswith(".shock_filter")]
+    return module
+
+
+def repository() -> int:
+    """Return the number of the repository."""
     repos = bpy.context.preferences.extensions.repos
     (number,) = [i for i, repo in enumerate(repos) if repo.module == REPOSITORY]
-    bpy.ops.extensions.repo_sync(repo_index=number)
     return number
+
+
+def refresh() -> Steps:
+    """Have Blender read the repository, once its last job there has ended."""
+
+    def is_read() -> bool:
+        try:
+            bpy.ops.extensions.repo_sync(repo_index=repository())
+        except RuntimeError as problem:
+            if "lock" not in str(problem):
+                raise
+            return False
+        return True
+
+    yield from until(is_read)
 
 
 def version() -> str:
     """Return the version that is at work, out of any repository; empty where there is none."""
     for addon in bpy.context.preferences.addons:
-        if addon.module.endswith(".shock_filter") and addon.module in sys.modules:
-            return sys.modules[addon.module].__version__
+        module = sys.modules.get(addon.module)
+        if addon.module.endswith(".shock_filter") and getattr(module, "__addon_enabled__", False):
+            return module.__version__
     return ""
 
 
