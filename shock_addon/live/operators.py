@@ -28,7 +28,7 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
         "Make the live results of the selected objects again, with the settings that made them."
         " The modifiers keep their inputs, and live copies take what their source shows now"
     )
-    bl_options = {"UNDO"}
+    bl_options = set()  # the filter adds the step of undo
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -48,7 +48,7 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
         done = 0
         for obj in objects:
             try:
-                done += updating.update(obj, how) != {"CANCELLED"}
+                done += updating.update(obj, how, obj == objects[-1]) != {"CANCELLED"}
             except RuntimeError as error:
                 self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
         return {"FINISHED"} if done else {"CANCELLED"}

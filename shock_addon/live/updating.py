@@ -26,7 +26,7 @@ def obstacle(obj: bpy.types.Object | None) -> str:
     return ""
 
 
-def update(obj: bpy.types.Object, how: str = "EXEC_DEFAULT") -> set[str]:
+def update(obj: bpy.types.Object, how: str = "EXEC_DEFAULT", is_undoable: bool = False) -> set[str]:
     """Run the filter that made a live result, with its settings, on this object alone.
 
     Parameters
@@ -34,6 +34,8 @@ def update(obj: bpy.types.Object, how: str = "EXEC_DEFAULT") -> set[str]:
     obj : bpy.types.Object
     how : str
         ``"INVOKE_DEFAULT"`` lets a thread compute where there is a window.
+    is_undoable : bool
+        Whether it is a step of undo.
 
     Raises
     ------
@@ -50,7 +52,7 @@ def update(obj: bpy.types.Object, how: str = "EXEC_DEFAULT") -> set[str]:
     with bpy.context.temp_override(
         selected_objects=[obj], selected_editable_objects=[obj], active_object=obj, object=obj
     ):
-        return operator(how, **values)
+        return operator(how, is_undoable, **values)
 
 
 def state(obj: bpy.types.Object) -> str:

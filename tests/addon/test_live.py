@@ -82,6 +82,22 @@ def test_the_modifier_is_first_and_one_undo_step_takes_all_back(rounded_box):
     assert MOVE not in box.data.attributes
 
 
+def test_an_update_is_one_step_of_undo(rounded_box):
+    box = rounded_box()
+    sharpen("EXEC_DEFAULT", True, output="LIVE")
+    before, name = seen(box), box.name
+    moved = read_positions(box.data) * np.float32(1.5)
+    write_positions(box.data, moved)
+    box.data.update()
+    bpy.ops.ed.undo_push(message="Moved")
+    bpy.ops.shock_filter.update_live("EXEC_DEFAULT", True)
+    assert live.state(box) == "fresh"
+    bpy.ops.ed.undo()
+    assert live.state(bpy.data.objects[name]) == "moved"
+    bpy.ops.ed.undo()
+    np.testing.assert_array_equal(seen(bpy.data.objects[name]), before)
+
+
 def test_pressing_again_starts_from_the_mesh_and_keeps_the_inputs(rounded_box):
     box = rounded_box()
     _, after = written(box, time=16.0)

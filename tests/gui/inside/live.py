@@ -124,7 +124,7 @@ def undo_and_redo() -> Steps:
         bpy.data.objects["Operand"].location.y = -0.8 - 0.01 * number
         with over():
             bpy.ops.ed.undo_push(message="Move")
-            bpy.ops.shock_filter.update_live("EXEC_DEFAULT")
+            bpy.ops.shock_filter.update_live("EXEC_DEFAULT", True)
         states.append(seen_state(name))
         yield 0.02
     for ways, operator in ((reversed(states[:-1]), "undo"), (states[1:], "redo")):
