@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The output Live: a movement in attributes, and nodes that add it."""
 
+from types import SimpleNamespace
+
 import bmesh
 import bpy
 import numpy as np
@@ -9,7 +11,9 @@ import shock_filter
 from shock_filter.shock_addon.data import MOVE
 from shock_filter.shock_addon.data.chosen import live_modifier, live_source
 from shock_filter.shock_addon.data.live import nodes, stacks
+from shock_filter.shock_addon.data.mesh import geometry, meshes
 from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.mesh.original import Original, show
 from shock_filter.shock_addon.live import automatic
 from shock_filter.shock_addon.operators import base as operators
 
@@ -85,17 +89,16 @@ def test_the_modifier_is_first_and_one_undo_step_takes_all_back(rounded_box):
 def test_an_update_is_one_step_of_undo(rounded_box):
     box = rounded_box()
     sharpen("EXEC_DEFAULT", True, output="LIVE")
-    before, name = seen(box), box.name
-    moved = read_positions(box.data) * np.float32(1.5)
+    name, moved = box.name, read_positions(box.data) * np.float32(1.5)
     write_positions(box.data, moved)
     box.data.update()
     bpy.ops.ed.undo_push(message="Moved")
     bpy.ops.shock_filter.update_live("EXEC_DEFAULT", True)
     assert live.state(box) == "fresh"
     bpy.ops.ed.undo()
-    assert live.state(bpy.data.objects[name]) == "moved"
-    bpy.ops.ed.undo()
-    np.testing.assert_array_equal(seen(bpy.data.objects[name]), before)
+    box = bpy.data.objects[name]
+    assert live.state(box) == "moved"
+    np.testing.assert_array_equal(read_positions(box.data), moved)
 
 
 def test_pressing_again_starts_from_the_mesh_and_keeps_the_inputs(rounded_box):
@@ -336,6 +339,22 @@ def test_both_outputs_of_denoise(rounded_box):
     box.data.color_attributes["Paint"].data.foreach_get("color", after)
     assert (after != noise).any()
     live.update(box)
+
+
+def test_a_preview_shows_its_result_without_the_live_one(rounded_box):
+    box = rounded_box()
+    before, after = written(box, time=16.0)
+    sharpen(output="LIVE")
+    live_result = seen(box)
+    settings = bpy.context.scene.shock_filter.geometry
+    settings.output = "LIVE"
+    targets, _ = meshes.read_active(bpy.context, geometry.read_geometry, settings)
+    original = Original(box.data, None)
+    show(targets[0], original, SimpleNamespace(positions=after))
+    np.testing.assert_array_equal(seen(box), after)
+    original.restore()
+    np.testing.assert_array_equal(seen(box), live_result)
+    np.testing.assert_array_equal(read_positions(box.data), before)
 
 
 def test_before_and_after_swap_it(rounded_box):
