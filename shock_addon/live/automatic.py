@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import nullcontext
 
@@ -18,8 +19,12 @@ AUTO = "shock_filter_auto"
 _REST = 0.3
 """Seconds without a change before an update, and between looks."""
 
+_AFTER_UNDO = 1.0
+"""Seconds after an undo or redo in which changes are those that it brought."""
+
 _seen = 0
 _rested = 0.0
+_undone = -math.inf
 _is_allowed = True
 """Whether copies may update themselves: not in a file that was opened, until someone says so."""
 
@@ -61,7 +66,9 @@ def forbid(*_: object) -> None:
 
 
 def wait(*_: object) -> None:
-    """Update nothing by itself because of an undo or redo, which an update would end."""
+    """Update nothing by itself because of an undo or redo: an update would end the redo."""
+    global _undone
+    _undone = time.monotonic()
     _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
 
 
@@ -90,7 +97,10 @@ def _look() -> float:
     changes = data.live.watching.changes
     if changes != _seen:
         _seen, _rested = changes, time.monotonic()
-        _refused.clear()
+        if _rested - _undone > _AFTER_UNDO:
+            _refused.clear()
+        else:  # Blender evaluates after the handlers of undo
+            _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
     elif time.monotonic() - _rested >= _REST:
         run()
     return _REST

@@ -425,7 +425,7 @@ def test_a_painted_mask_stays_where_it_was_when_a_copy_is_updated(joined_cubes):
     assert not moved[positions[:, 2] < 0.3].any()
 
 
-def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path):
+def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path, monkeypatch):
     _, operand = joined_cubes
     sharpen(output="LIVE")
     copy = bpy.context.object
@@ -434,6 +434,16 @@ def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path):
     bpy.context.view_layer.update()
     assert not automatic.due()
     bpy.ops.shock_filter.auto_update_live()
+    assert automatic.due() == [copy]
+    automatic.wait()  # as undo does, which brings changes of its own
+    operand.location.x = 0.75
+    bpy.context.view_layer.update()
+    automatic._look()
+    assert not automatic.due()
+    monkeypatch.setattr(automatic, "_undone", -10.0)
+    operand.location.x = 0.7
+    bpy.context.view_layer.update()
+    automatic._look()
     assert automatic.due() == [copy]
     automatic.run()
     assert live.state(copy) == "fresh" and not automatic.due()
