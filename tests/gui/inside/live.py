@@ -28,6 +28,7 @@ STEPS = 20
 
 def scenario() -> Steps:
     """Go through them."""
+    bpy.context.preferences.edit.undo_steps = 3 * STEPS
     scene.clear()
     operand = add_stack()
     scene.look()
@@ -92,6 +93,10 @@ def follow(name: str) -> Steps:
     seen = report["followed"] = {}
     copy = report["made"]["name"]
     seen["before"] = seen_state(copy)
+    start = time.monotonic()
+    run("update_live")
+    yield from finished()
+    seen["by_hand"] = time.monotonic() - start
     with over():
         bpy.ops.shock_filter.auto_update_live()
     seen["seconds"] = []
