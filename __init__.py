@@ -6,7 +6,10 @@ Blender finds its entry here (``register`` and ``unregister``); Python finds the
 """
 
 import re
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 _MANIFEST = Path(__file__).with_name("blender_manifest.toml").read_text(encoding="utf-8")
 __version__ = re.findall(r'^version = "(.+)"$', _MANIFEST, re.MULTILINE)[0]
@@ -24,3 +27,12 @@ def unregister() -> None:
     from . import shock_addon
 
     shock_addon.unregister()
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> ModuleType:
+        """Import what scripts in Blender use: ``shock_filter.live.update(obj)``."""
+        if name != "live":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return import_module(".shock_addon.live", __name__)

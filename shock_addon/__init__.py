@@ -10,11 +10,14 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.host import forgetting
+from . import data
 from .commands import registration as command
 from .data import shown
 from .flow import marking
 from .flow import operator as flow_operator
 from .flow import showing as flow_shown
+from .live import automatic
+from .live import operators as live_operators
 from .operators import base as operators
 from .operators import comparing, filtering, keeping, linking, properties
 from .preview import operator as preview_operator
@@ -30,6 +33,7 @@ _CLASSES = (
     *linking.CLASSES,
     *flow_operator.CLASSES,
     *marking.CLASSES,
+    *live_operators.CLASSES,
     *preview_operator.CLASSES,
     *painting.CLASSES,
     *presets.CLASSES,
@@ -52,11 +56,29 @@ def _note_undo(*_: object) -> None:
     # Data that was undone no longer exists.
     operators.summaries.clear()
     comparing.look_again(-1)
+    automatic.wait()
 
 
 @persistent
 def _note_redo(*_: object) -> None:
     comparing.look_again(1)
+    automatic.wait()
+
+
+@persistent
+def _note_changes(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
+    data.live.watching.note(scene, graph)
+
+
+@persistent
+def _keep_changes(*_: object) -> None:
+    data.live.watching.keep()
+
+
+@persistent
+def _read_changes(*_: object) -> None:
+    data.live.watching.read()
+    automatic.forbid()
 
 
 def _handlers() -> list[tuple]:
@@ -69,6 +91,9 @@ def _handlers() -> list[tuple]:
         *((each, painting.put_away) for each in (handlers.load_post, handlers.undo_post)),
         (handlers.redo_post, painting.put_away),
         (handlers.load_pre, _forget_file),
+        (handlers.depsgraph_update_post, _note_changes),
+        (handlers.save_pre, _keep_changes),
+        (handlers.load_post, _read_changes),
         (handlers.undo_post, _note_undo),
         (handlers.redo_post, _note_redo),
         (handlers.undo_pre, shown.note),
@@ -129,6 +154,7 @@ def unregister() -> None:
     preview_operator.unregister()
     jobs.stop_all()
     flow_shown.hide()
+    automatic.stop()
     for handlers, function in _handlers():
         if function in handlers:  # other add-ons may clear these lists
             handlers.remove(function)
@@ -140,5 +166,6 @@ def unregister() -> None:
     properties.unregister()
     translations.unregister()
     _forget_file()
+    data.live.watching.forget()
     statistics.forget()
     kernels.unregister()

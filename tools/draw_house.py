@@ -22,6 +22,7 @@ PLACES = {
     "shock_addon.commands": (720, 0, "Blender's command line"),
     "shock_addon.preview": (150, 1, "while the mouse moves"),
     "shock_addon.flow": (400, 1, "Show Flow"),
+    "shock_addon.live": (620, 1, "Update, Auto Update"),
     "shock_addon.operators": (300, 2, "what buttons run: read, filter, write, tell"),
     "shock_addon.running": (160, 3, "jobs on a thread, Esc, kernels"),
     "shock_addon.data": (410, 3, "Blender's data in and out"),

@@ -123,11 +123,19 @@ def _add_shape_flags(parser: argparse.ArgumentParser, command: Command) -> None:
         " sets the strength later; OUT must be of a format with shape keys, or it holds the new"
         " shape",
     )
+    output.add_argument(
+        "--live",
+        action="store_true",
+        help="keep the mesh and let a modifier move its vertices, whose Amount sets the strength"
+        " later; OUT must be a blend file, or it holds the new shape",
+    )
 
 
 def _output(options: argparse.Namespace) -> str:
     if options.new_object:
         return "OBJECT"
+    if options.live:
+        return "LIVE"
     return "SHAPE_KEY" if options.new_shape_key else "MESH"
 
 

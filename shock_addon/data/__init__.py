@@ -12,12 +12,22 @@ from typing import TYPE_CHECKING, Any
 PICTURES = ("image_2", "image_3", "image_4")
 """Properties that name further pictures of the same surface."""
 
+LIVE_STAMP = "shock_filter_live"
+"""Key of the version in the node group of live results, and of how they were made in meshes."""
+
+LIVE_SOURCE = "shock_filter_source"
+"""Key of the source of a live copy among the properties of the object."""
+
+MOVE = "shock_move"
+"""The attribute with the movement of live results."""
+
 if TYPE_CHECKING:
     from . import (  # noqa: F401
         arrays,
         chosen,
         image,
         lengths,
+        live,
         materials,
         mesh,
         replaced,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from . import LIVE_SOURCE, LIVE_STAMP
 from .materials import active_image
 from .skipped import Skipped
 
@@ -53,7 +54,29 @@ def modifier_on_top(obj: bpy.types.Object) -> bpy.types.Modifier | None:
 def _keeps_faces(modifier: bpy.types.Modifier) -> bool:
     if modifier.type != "NODES":
         return modifier.type in _KEEPS_FACES
-    return modifier.node_group is None or modifier.node_group.name.startswith(_SMOOTH_BY_ANGLE)
+    group = modifier.node_group
+    return group is None or LIVE_STAMP in group or group.name.startswith(_SMOOTH_BY_ANGLE)
+
+
+def live_modifier(obj: bpy.types.Object) -> bpy.types.NodesModifier | None:
+    """Return the modifier that shows an object's live result; None if it has none."""
+    for modifier in obj.modifiers:
+        group = modifier.node_group if modifier.type == "NODES" else None
+        if group is not None and LIVE_STAMP in group:
+            return modifier
+    return None
+
+
+def live_source(obj: bpy.types.Object) -> bpy.types.Object | None:
+    """Return the object that a live copy was made of; None for other objects."""
+    source = obj.get(LIVE_SOURCE)
+    is_there = isinstance(source, bpy.types.Object) and source.type == "MESH" and source != obj
+    return source if is_there else None
+
+
+def is_live(obj: bpy.types.Object) -> bool:
+    """Whether an object shows a live result that its mesh says how to make again."""
+    return LIVE_STAMP in obj.data and live_modifier(obj) is not None
 
 
 def mesh_users(context: bpy.types.Context) -> list[bpy.types.Object]:

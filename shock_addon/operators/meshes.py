@@ -33,8 +33,18 @@ class MeshOperator(FilterOperator):
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects, or those in the current object mode."""
         return data.mesh.meshes.read_targets(
-            context, self.kind.read, self, is_seen=partial(obstacles.makes_object, self.row, self)
+            context,
+            self._read_one,
+            self,
+            is_seen=partial(obstacles.makes_object, self.row, self),
+            source_of=self._source_of,
         )
+
+    def _read_one(self, obj: bpy.types.Object, mode: str, parameters: Any) -> Any:
+        if self._is_live(obj):
+            data.live.stacks.check(obj)
+            parameters = data.live.recipes.AsLive(parameters)
+        return self.kind.read(obj, mode, parameters)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write all objects, and return to the current object mode."""
@@ -47,15 +57,37 @@ class MeshOperator(FilterOperator):
         )
 
         def write_one(target: Any, result: Any) -> bpy.types.Object:
-            return write_new(target, result) if target.is_seen else write(target, result)
+            obj = data.mesh.targets.find(target)
+            if self._is_live(obj):
+                return self._write_live(target, result)
+            if target.is_seen:
+                return write_new(target, result)
+            write(target, result)
+            if self.kind.moves and data.live.movement.remove(obj.data):
+                self._replaced_live.append(obj.name)
+            return obj
 
+        self._replaced_live: list[str] = []
         with data.mesh.meshes.object_mode(context):
-            swaps = data.replaced.of_meshes(self.targets)
+            swaps = data.replaced.of_meshes([each for each in self.targets if not each.is_seen])
             done = write_results(self.targets, results, write_one)
             for swap in swaps:
                 swap.note_after()
             data.replaced.hold(swaps)
             return done
+
+    def _is_live(self, obj: bpy.types.Object) -> bool:
+        return obstacles.makes_live(self.row, self, obj)
+
+    def _source_of(self, obj: bpy.types.Object) -> bpy.types.Object | None:
+        return data.chosen.live_source(obj) if self._is_live(obj) else None
+
+    def _write_live(self, target: Any, result: Any) -> bpy.types.Object:
+        write = data.live.copies.write if target.is_seen else data.live.movement.write
+        obj = write(target, result)
+        values = {name: getattr(self, name) for name in self.row.names_for(self)}
+        data.live.recipes.note(obj.data, self.row.operator, values | {"output": "LIVE"})
+        return obj
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count the moved vertices and changed colors, and all of these."""
@@ -82,7 +114,7 @@ class MeshOperator(FilterOperator):
             advice = ""
             if self.row.nothing and not any(result.moved for result in results):
                 has_modifiers = any(
-                    each.data.modifiers and not each.target.is_seen for each in written
+                    _other_modifiers(each.data) and not each.target.is_seen for each in written
                 )
                 advice = _APPLY if has_modifiers else self.advice
                 text = pgettext_rpt(self.row.nothing)
@@ -117,8 +149,24 @@ class MeshOperator(FilterOperator):
         """Return remarks on modifiers and shape keys, if vertices may have moved."""
         if not self.kind.moves:
             return ""
+        said = self._notes(written)
+        if any(data.chosen.is_live(each.data) for each in written):
+            text = pgettext_rpt("The modifier Shock Filter sets how much of it is seen, and where.")
+            said = f"{text} {said}"
+        if self._replaced_live:
+            text = pgettext_rpt(
+                "The live result of {names} was removed, as it would come on top of this."
+            )
+            said = f"{said} {text.format(names=', '.join(self._replaced_live))}"
+        return said.strip()
+
+    def _notes(self, written: list[Written]) -> str:
         new = [each.data for each in written if each.data.session_uid != each.target.object_uid]
-        same = [each.data for each in written if each.target.is_seen and each.data not in new]
+        same = [
+            each.data
+            for each in written
+            if each.target.is_seen and each.data not in new and not self._is_live(each.data)
+        ]
         said = notes([each.data for each in written if each.data not in same], self)
         if same and not new:
             text = pgettext_rpt("Nothing has changed, so no new object was made.")
@@ -155,7 +203,7 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
         Has `output`, `custom_normals` and `mark_sharp`.
     """
     found = []
-    if any(obj.modifiers for obj in objects):
+    if any(map(_other_modifiers, objects)):
         found.append(pgettext_rpt("Modifiers were left in place and act on the new shape."))
     if parameters.custom_normals == "KEEP" and any(obj.data.has_custom_normals for obj in objects):
         found.append(
@@ -181,6 +229,12 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
             )
             found.append(text.format(name=key.name))
     return " ".join(found)
+
+
+def _other_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
+    # Without that of a live result.
+    live = data.chosen.live_modifier(obj)
+    return [each for each in obj.modifiers if each != live]
 
 
 def _hidden_marks(mesh: bpy.types.Mesh) -> int:

@@ -50,11 +50,24 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
 
 
 def makes_object(mode: Mode, parameters: Any, obj: bpy.types.Object) -> bool:
-    """Whether what is seen of an object goes into a new one, by choice or by its modifiers."""
+    """Whether what is seen of an object goes into a new one, by choice or by its modifiers.
+
+    A live copy is such a new one, of its source.
+    """
     if mode.makes_objects(parameters):
         return True
+    if makes_live(mode, parameters, obj):
+        is_copy = data.chosen.live_source(obj) is not None
+        return is_copy or data.chosen.modifier_on_top(obj) is not None
     is_auto = mode.makes_objects(parameters, "AUTO") and obj.mode == "OBJECT"
     return is_auto and data.chosen.modifier_on_top(obj) is not None
+
+
+def makes_live(mode: Mode, parameters: Any, obj: bpy.types.Object) -> bool:
+    """Whether a result stays editable, by choice or because an earlier one does."""
+    if mode.makes_objects(parameters, "AUTO"):
+        return data.chosen.is_live(obj) and data.chosen.modifier_on_top(obj) is None
+    return mode.makes_objects(parameters, "LIVE")
 
 
 def announcement(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
@@ -68,6 +81,7 @@ def announcement(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     if mode.data.handled_as != "meshes" or not mode.makes_objects(settings, "AUTO"):
         return ""
     objects = data.chosen.mesh_objects(context) if context.mode == "OBJECT" else []
+    objects = [obj for obj in objects if not makes_live(mode, settings, obj)]
     found = [top.name for obj in objects if (top := data.chosen.modifier_on_top(obj)) is not None]
     text = "New Object: {name} is on top, so what is seen is filtered and the original hidden."
     return pgettext_rpt(text).format(name=", ".join(dict.fromkeys(found))) if found else ""

@@ -174,6 +174,14 @@ _MESH_OUTPUT = _output(
         " place, and hide the original",
         2,
     ),
+    (
+        "LIVE",
+        "Live",
+        "Keep the mesh, and let a modifier of Geometry Nodes move its vertices, by an amount that"
+        " can be changed later and animated. Of what other modifiers make, a live copy is made,"
+        " which can be updated",
+        4,
+    ),
 )
 
 _TEXTURE_IMAGE = {

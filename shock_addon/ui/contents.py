@@ -11,6 +11,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from .. import data
 from ..data.skipped import Skipped
 from ..flow import showing as flow_shown
+from ..live import drawing as live_drawing
 from ..modes import JOBS, Job, Mode, job_of, modes_of
 from ..operators import base as operators
 from ..operators import comparing, drawing, linking, statistics
@@ -39,6 +40,8 @@ def draw_main(panel: Panel, context: bpy.types.Context) -> None:
     _draw_settings(panel, context, mode, settings)
     if mode.key == "geometry":
         _draw_creases(layout, context, enabled=not obstacle)
+    if context.space_data.type == "VIEW_3D":
+        live_drawing.draw(layout, context)
     if flow_shown.shown_object() is not None and context.space_data.type == "VIEW_3D":
         layout.operator("shock_filter.hide_flow")
     problem = kernels.problem()

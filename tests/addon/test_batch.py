@@ -832,9 +832,10 @@ def test_the_result_may_be_a_new_shape_key(shading):
     assert f"moved {changed} of {len(basis)} vertices in " in keyed["said"]
 
 
-def test_other_formats_show_the_new_shape_key(folder):
+@pytest.mark.parametrize("flag", ["--live", "--new-shape-key"])
+def test_other_formats_show_the_new_shape(folder, flag):
     rounded_box().export("in.ply")
-    run = blender("sharpen-geometry", "in.ply", "key.ply", "--new-shape-key")
+    run = blender("sharpen-geometry", "in.ply", "key.ply", flag)
     assert run.code == 0, run.err
     assert blender("sharpen-geometry", "in.ply", "moved.ply").code == 0
     old, key, moved = (trimesh.load_mesh(f"{n}.ply").vertices for n in ("in", "key", "moved"))

@@ -80,15 +80,16 @@ print(json.dumps(states))
     assert before["operators"] == []
     assert before["types"] == []
     assert enabled["operators"] == [
-        "before_after", "blocks_preset_add", "cancel", "colors_preset_add", "crisp_low_poly",
-        "denoise", "denoise_image", "denoise_image_preset_add", "denoise_preset_add",
-        "denoise_texture", "denoise_texture_preset_add", "detail_preset_add", "dilate_texture",
-        "fill_preset_add", "fill_texture", "filter_texture", "generate", "generate_preset_add",
-        "geometry_preset_add", "hide_creases", "hide_flow", "image_preset_add", "keep_auto",
-        "link_map", "make_tileable", "mark_creases", "paint_gain", "preview", "preview_generated",
-        "remove_blocks", "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture",
-        "show_creases", "show_flow", "stitch_preset_add", "stitch_textures", "texture_preset_add",
-        "tile_preset_add", "use_preset", "visualize_flow", "visualize_preset_add",
+        "auto_update_live", "before_after", "blocks_preset_add", "cancel", "colors_preset_add",
+        "crisp_low_poly", "denoise", "denoise_image", "denoise_image_preset_add",
+        "denoise_preset_add", "denoise_texture", "denoise_texture_preset_add", "detail_preset_add",
+        "dilate_texture", "fill_preset_add", "fill_texture", "filter_texture", "generate",
+        "generate_preset_add", "geometry_preset_add", "hide_creases", "hide_flow",
+        "image_preset_add", "keep_auto", "link_map", "make_tileable", "mark_creases", "paint_gain",
+        "paint_live", "preview", "preview_generated", "remove_blocks", "sharpen_colors",
+        "sharpen_geometry", "sharpen_image", "sharpen_texture", "show_creases", "show_flow",
+        "stitch_preset_add", "stitch_textures", "texture_preset_add", "tile_preset_add",
+        "update_live", "use_preset", "visualize_flow", "visualize_preset_add",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
     names = "", *4 * [".data.shown"], ".ui.translations"

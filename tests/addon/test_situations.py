@@ -219,6 +219,9 @@ ELSEWHERE = {
     "preview-image-gone": (
         "test_preview_images.py::test_it_ends_when_the_image_is_gone_or_seen_no_more"
     ),
+    "live": "test_live.py::test_amounts_go_from_the_mesh_to_the_result_and_beyond",
+    "live-multires": "test_live.py::test_multires_is_named_before_anything_is_written",
+    "live-others": "test_live.py::test_other_outputs_take_the_live_result_away",
     "modifier-on-top": "test_new_object.py::test_what_is_sharpened_is_what_is_seen",
     # Show Flow
     "flow-mesh": "test_show_flow.py::test_the_mesh_stays_as_it_is",

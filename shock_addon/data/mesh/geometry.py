@@ -29,7 +29,8 @@ class Place:
     Attributes
     ----------
     output : str
-        "MESH", "SHAPE_KEY" or "OBJECT"; the last one, and "AUTO", are written as a mesh.
+        "MESH", "SHAPE_KEY", "LIVE" or "OBJECT"; the last one, and "AUTO", are written as a mesh,
+        and "LIVE" by `data.live`.
     mode : str
         The mode that the person works in.
     custom_normals : str
@@ -71,7 +72,7 @@ def read_geometry(
         sharp_angle=parameters.sharp_angle if parameters.mark_sharp else None,
     )
     surface = MirroredSurface(
-        positions=_source(obj, place),
+        positions=source(obj, place),
         triangles=meshes.read_triangles(mesh),
         mask=color_mask(obj, mode, "POINT", parameters)[0],
         to_world=meshes.lengths_in_world(obj),
@@ -102,7 +103,7 @@ def write_geometry(
     """
     obj = find(target)
     place, old, mask = target.place, target.surface.positions, target.surface.mask
-    check_same(_source(obj, place), old)
+    check_same(source(obj, place), old)
     if place.output == "SHAPE_KEY":
         shape_keys.add(obj, key_name, old, result.positions, place.mode)
     elif obj.data.shape_keys is None:
@@ -111,11 +112,7 @@ def write_geometry(
         shape_keys.write_active(obj, result.positions)
         meshes.write_positions(obj.data, shape_keys.read(obj.data.shape_keys.reference_key))
     if place.sharp_angle is not None and _may_mark(obj, place):
-        free = None if mask is None else mask > 0.0
-        if result.creases is None:
-            shading.mark_sharp(obj.data, result.positions, free, place.sharp_angle)
-        else:
-            shading.mark_creases(obj.data, result.creases, free)
+        shading.mark(obj.data, shading.edges_to_mark(obj.data, result, mask, place.sharp_angle))
     obj.data.update()
     if obj.data.has_custom_normals and place.custom_normals == "RECOMPUTE":
         shading.recompute_normals(obj, mask)
@@ -135,10 +132,17 @@ def _may_mark(obj: bpy.types.Object, place: Place) -> bool:
     return keys is None or shape_keys.active_key(obj) == keys.reference_key
 
 
-def _source(obj: bpy.types.Object, place: Place) -> npt.NDArray[np.float32]:
+def source(obj: bpy.types.Object, place: Place) -> npt.NDArray[np.float32]:
+    """Return the shape that is filtered: (n, 3).
+
+    Raises
+    ------
+    Skipped
+        If the shape keys do not allow it.
+    """
     if obj.data.shape_keys is None:
         return meshes.read_positions(obj.data)
-    if place.output == "SHAPE_KEY":
+    if place.output in {"SHAPE_KEY", "LIVE"}:
         return shape_keys.visible_shape(obj, place.mode)
     return shape_keys.read(shape_keys.active_key(obj))
 

@@ -83,6 +83,7 @@ def read_targets(
     parameters: Any,
     *,
     is_seen: Callable[[bpy.types.Object], bool] = lambda obj: False,
+    source_of: Callable[[bpy.types.Object], bpy.types.Object | None] = lambda obj: None,
 ) -> tuple[list[MeshTarget], list[str]]:
     """Read all objects that the operator acts on, each mesh once.
 
@@ -97,6 +98,8 @@ def read_targets(
     is_seen : callable
         ``is_seen(obj)`` says whether to read what is seen of an object, with modifiers and shape
         keys applied, and not its mesh; see `visible`.
+    source_of : callable
+        ``source_of(obj)`` gives the object of which that is read instead, if there is one.
 
     Returns
     -------
@@ -121,7 +124,7 @@ def read_targets(
         from .visible import copied
 
         check_in_object_mode(obj)
-        with copied(obj) as copy:
+        with copied(source_of(obj) or obj) as copy:
             check_readable(copy)
             return replace(target_of(obj, *read(copy, mode, parameters)), is_seen=True)
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ....core.host.inputs import ColoredSurface, PaintedSurface
-from .. import arrays
+from .. import MOVE, arrays
 from . import shape_keys
 from .colors import write_colors
 from .geometry import write_geometry
@@ -26,6 +26,7 @@ _Part = tuple[str, str]
 
 _KEY, _COLORS = "key", "colors"
 _POSITIONS: _Part = ("positions", "")
+_LIVE: _Part = ("movement", "")
 
 
 class Original:
@@ -88,6 +89,9 @@ class Original:
     def _places(self, mesh: bpy.types.Mesh) -> dict[_Part, tuple[Any, str, int]]:
         """Say where each part is stored: the collection, the property and its width."""
         attributes = {_POSITIONS: mesh.attributes["position"]}
+        move = arrays.find_attribute(mesh, MOVE, "FLOAT_VECTOR", "POINT")
+        if move is not None:
+            attributes[_LIVE] = move
         if self._attribute and self._attribute in mesh.color_attributes:
             attributes[_COLORS, self._attribute] = mesh.color_attributes[self._attribute]
         places = {part: arrays.stored(attribute)[:3] for part, attribute in attributes.items()}
@@ -127,7 +131,11 @@ def show(target: MeshTarget, original: Original, result: Any) -> None:
 
 
 def _show_shape(target: MeshTarget, original: Original, result: Reshaped) -> None:
-    keys = find(target).data.shape_keys
+    mesh = find(target).data
+    keys = mesh.shape_keys
+    move = arrays.find_attribute(mesh, MOVE, "FLOAT_VECTOR", "POINT")
+    if move is not None:  # a live result would come on top
+        arrays.write_attribute(move, np.zeros((len(mesh.vertices), 3), dtype=np.float32))
     if target.place.output in {"MESH", "AUTO"} or keys is None:
         place = replace(target.place, output="MESH", custom_normals="KEEP", sharp_angle=None)
         write_geometry(replace(target, place=place), result)

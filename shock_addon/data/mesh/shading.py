@@ -3,36 +3,63 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ....core.host.edge_marks import CreaseEdges, face_normals, faces_at, sharp_edges
+from ....core.host.edge_marks import face_normals, faces_at, sharp_edges
 from .. import arrays
 from .meshes import read_corner_vertices
 
+if TYPE_CHECKING:
+    from ....core.host.geometry import Reshaped
 
-def mark_sharp(
+
+def edges_to_mark(
     mesh: bpy.types.Mesh,
-    positions: npt.NDArray[np.float32],
-    free: npt.NDArray[np.bool_] | None,
+    result: Reshaped,
+    mask: npt.NDArray[np.float64] | None,
     angle: float,
-) -> None:
-    """Mark edges between faces that meet at more than an angle; marks that are there stay.
+) -> npt.NDArray[np.bool_]:
+    """Tell which edges become sharp: those of creases, or where faces meet at an angle: (e,).
 
     Parameters
     ----------
     mesh : bpy.types.Mesh
         In Object Mode.
-    positions : (n, 3) float32
-        Of the shape that counts, which may be a shape key.
-    free : (n,) bool or None
-        Edges stay as they are where it is False at one of their ends.
+    result : Reshaped
+        Where its creases are None, edges between faces that meet at more than the angle.
+    mask : (n,) float64 or None
+        Edges stay as they are where it is 0 at one of their ends.
     angle : float
         In radians.
     """
+    free = None if mask is None else mask > 0.0
+    if result.creases is None:
+        return _steep_edges(mesh, result.positions, free, angle)
+    ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
+    sharp = result.creases.among(ends)
+    return sharp if free is None else sharp & free[ends].all(axis=1)
+
+
+def mark(mesh: bpy.types.Mesh, sharp: npt.NDArray[np.bool_]) -> None:
+    """Mark edges (e,) as sharp; marks that are there stay."""
+    if sharp.any():
+        marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
+        arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
+
+
+def _steep_edges(
+    mesh: bpy.types.Mesh,
+    positions: npt.NDArray[np.float32],
+    free: npt.NDArray[np.bool_] | None,
+    angle: float,
+) -> npt.NDArray[np.bool_]:
+    none = np.zeros(len(mesh.edges), dtype=bool)
     if free is not None and not free.any():
-        return
+        return none
     corner_edges = arrays.read_attribute(mesh.attributes[".corner_edge"])
     corner_vertices = read_corner_vertices(mesh)
     starts = arrays.read(mesh.polygons, "loop_start", dtype=np.int32)
@@ -40,38 +67,13 @@ def mark_sharp(
         near, starts = faces_at(free, corner_vertices, starts)
         corner_edges, corner_vertices = corner_edges[near], corner_vertices[near]
     if len(starts) == 0:
-        return
+        return none
     normals = face_normals(positions, corner_vertices, starts)
     sharp = sharp_edges(normals, starts, corner_edges, len(mesh.edges), angle)
     if free is not None:
         ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
         sharp &= free[ends].all(axis=1)
-    if not sharp.any():
-        return
-    marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
-    arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
-
-
-def mark_creases(
-    mesh: bpy.types.Mesh, creases: CreaseEdges, free: npt.NDArray[np.bool_] | None
-) -> None:
-    """Mark edges of creases as sharp; marks that are there stay.
-
-    Parameters
-    ----------
-    mesh : bpy.types.Mesh
-        In Object Mode.
-    creases : CreaseEdges
-    free : (n,) bool or None
-        Edges stay as they are where it is False at one of their ends.
-    """
-    ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
-    sharp = creases.among(ends)
-    if free is not None:
-        sharp &= free[ends].all(axis=1)
-    if sharp.any():
-        marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
-        arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
+    return sharp
 
 
 def is_flat(mesh: bpy.types.Mesh) -> bool:

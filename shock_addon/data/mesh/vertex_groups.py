@@ -56,6 +56,40 @@ def group_weights(obj: bpy.types.Object, name: str) -> npt.NDArray[np.float64]:
         return arrays.read_attribute(attributes[_WEIGHTS]).astype(np.float64)
 
 
+def carry(old: bpy.types.Mesh, obj: bpy.types.Object) -> None:
+    """Give an object that is in no scene the vertex groups of another mesh that it lacks.
+
+    Weights are those of the nearest places of that mesh.
+    """
+    with ExitStack() as stack:
+        was = bpy.data.objects.new(_NAME, old)
+        stack.callback(bpy.data.objects.remove, was)
+        missing = [group.name for group in was.vertex_groups if group.name not in obj.vertex_groups]
+        if not missing:
+            return
+        for name in missing:
+            obj.vertex_groups.new(name=name)
+        modifier = obj.modifiers.new(_NAME, "DATA_TRANSFER")
+        stack.callback(obj.modifiers.remove, modifier)
+        modifier.object, modifier.use_object_transform = was, False
+        modifier.use_vert_data, modifier.data_types_verts = True, {"VGROUP_WEIGHTS"}
+        modifier.vert_mapping = "POLYINTERP_NEAREST" if old.polygons else "NEAREST"
+        modifier.layers_vgroup_select_src, modifier.layers_vgroup_select_dst = "ALL", "NAME"
+        scene = bpy.data.scenes.new(_NAME)
+        stack.callback(bpy.data.scenes.remove, scene)
+        for each in (was, obj):
+            scene.collection.objects.link(each)
+        layer = scene.view_layers[0]
+        layer.update()
+        mesh = bpy.data.meshes.new_from_object(
+            obj.evaluated_get(layer.depsgraph),
+            preserve_all_data_layers=True,
+            depsgraph=layer.depsgraph,
+        )
+        before, obj.data = obj.data, mesh
+        bpy.data.meshes.remove(before)
+
+
 def _build(tree: bpy.types.NodeTree, name: str) -> None:
     """Make nodes that store the group of this name as an attribute."""
     for direction in ("INPUT", "OUTPUT"):

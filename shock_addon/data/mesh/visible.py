@@ -13,6 +13,7 @@ import bpy
 from ....core.base.memo import equal
 from .. import arrays
 from .targets import MeshTarget, find
+from .vertex_groups import carry
 
 _WRITTEN = ("position", "sharp_edge", "custom_normal")
 """Attributes that a run may change, besides colors."""
@@ -84,6 +85,47 @@ def write_new(
     new.name = mesh.name = f"{obj.name} {suffix}"
     _show(new, obj)
     return new
+
+
+def write_into(
+    target: MeshTarget,
+    source: bpy.types.Object,
+    result: Any,
+    write: Callable[[MeshTarget, Any], bpy.types.Object],
+) -> None:
+    """Write a result of what is seen of another object into the one that was read.
+
+    Its name, materials, modifiers and vertex groups of its own stay.
+
+    Parameters
+    ----------
+    target, result
+        As `write` takes them; what was read is a copy of `source` as `copied` gives it.
+    source : bpy.types.Object
+    write : callable
+
+    Raises
+    ------
+    Skipped
+        As `write` does, and nothing has changed then.
+    """
+    obj = find(target)
+    new, old = _copy(source), obj.data
+    carry(old, new)
+    mesh = new.data
+    try:
+        write(replace(target, object_uid=new.session_uid, mesh_uid=mesh.session_uid), result)
+        mesh.materials.clear()
+        for material in old.materials:
+            mesh.materials.append(material)
+        obj.data, name = mesh, old.name
+    except BaseException:
+        _remove(new)
+        raise
+    bpy.data.objects.remove(new)
+    if not old.users:
+        bpy.data.meshes.remove(old)
+        mesh.name = name
 
 
 def _contents(mesh: bpy.types.Mesh) -> dict[str, Any]:

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Auto Update: live copies are made again when their source has changed and rests."""
+
+from __future__ import annotations
+
+import math
+import time
+from contextlib import nullcontext
+
+import bpy
+
+from .. import data
+from ..running import jobs
+from . import updating
+
+AUTO = "shock_filter_auto"
+"""Key of the switch among the properties of a copy."""
+
+_REST = 0.3
+"""Seconds without a change before an update, and between looks."""
+
+_AFTER_UNDO = 1.0
+"""Seconds after an undo or redo in which changes are those that it brought."""
+
+_seen = 0
+_rested = 0.0
+_undone = -math.inf
+_is_allowed = True
+"""Whether copies may update themselves: not in a file that was opened, until someone says so."""
+
+_refused: set[int] = set()
+"""Uids of copies whose last update failed, until their source changes again."""
+
+
+def is_on(obj: bpy.types.Object) -> bool:
+    """Whether a live copy updates itself."""
+    return _is_allowed and bool(obj.get(AUTO))
+
+
+def switch(obj: bpy.types.Object, is_wanted: bool) -> None:
+    """Turn Auto Update on or off; turning it on also allows it for this file."""
+    global _is_allowed
+    obj[AUTO] = is_wanted
+    if is_wanted:
+        _is_allowed = True
+        start()
+
+
+def start() -> None:
+    """Look from now on."""
+    if not bpy.app.timers.is_registered(_look):
+        bpy.app.timers.register(_look, first_interval=_REST)
+
+
+def stop() -> None:
+    """Look no more."""
+    if bpy.app.timers.is_registered(_look):
+        bpy.app.timers.unregister(_look)
+
+
+def forbid(*_: object) -> None:
+    """Update nothing by itself in a file that was opened, until someone turns it on."""
+    global _is_allowed
+    _is_allowed = False
+    _refused.clear()
+
+
+def wait(*_: object) -> None:
+    """Update nothing by itself because of an undo or redo: an update would end the redo."""
+    global _undone
+    _undone = time.monotonic()
+    _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
+
+
+def due() -> list[bpy.types.Object]:
+    """List the copies that would be updated now."""
+    if not _is_allowed or _is_busy():
+        return []
+    behind = [obj for obj in data.live.watching.changed_copies() if is_on(obj)]
+    return [obj for obj in behind if obj.session_uid not in _refused and not updating.obstacle(obj)]
+
+
+def run() -> None:
+    """Update the first copy that is due."""
+    for obj in due()[:1]:
+        _refused.add(obj.session_uid)  # an error must not come again and again
+        try:
+            window = bpy.context.window_manager.windows[0] if not bpy.app.background else None
+            with bpy.context.temp_override(window=window) if window else nullcontext():
+                updating.update(obj, "INVOKE_DEFAULT")
+        except RuntimeError as error:
+            print(f"Shock Filter: {obj.name}: {error}")
+
+
+def _look() -> float:
+    global _seen, _rested
+    changes = data.live.watching.changes
+    if changes != _seen:
+        _seen, _rested = changes, time.monotonic()
+        if _rested - _undone > _AFTER_UNDO:
+            _refused.clear()
+        else:  # Blender evaluates after the handlers of undo
+            _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
+    elif time.monotonic() - _rested >= _REST:
+        run()
+    return _REST
+
+
+def _is_busy() -> bool:
+    if jobs.current() is not None or jobs.is_settling() or jobs.is_scene_read():
+        return True
+    if bpy.context.mode != "OBJECT":
+        return True
+    for window in bpy.context.window_manager.windows:
+        if window.screen.is_animation_playing or len(getattr(window, "modal_operators", ())):
+            return True
+    return False

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the tab shows of a live result."""
+
+from __future__ import annotations
+
+import bpy
+
+from .. import data
+from ..operators.wrapping import draw_text
+from ..running import jobs
+from . import automatic, updating
+
+_SAID = {
+    "stale": "The mesh has other vertices, edges or faces now, so the live result is not shown:"
+    " press Update.",
+    "moved": "Out of date: what it was made of has changed since. Update makes it again.",
+}
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the inputs of the active object's live result, and what can be done with it."""
+    obj = context.object
+    modifier = None
+    if obj is not None and obj.type == "MESH":
+        modifier = data.chosen.live_modifier(obj)
+    if modifier is None:
+        return
+    column = layout.column(align=True)
+    column.use_property_decorate = False
+    data.live.stacks.draw_input(column, modifier, data.live.nodes.AMOUNT)
+    row = column.row(align=True)
+    row.enabled = jobs.current() is None
+    row.operator("shock_filter.update_live")
+    if data.chosen.live_source(obj) is not None:
+        is_on = automatic.is_on(obj)
+        row.operator("shock_filter.auto_update_live", depress=is_on)
+    row.operator("shock_filter.paint_live")
+    if obj.mode != "EDIT" and jobs.current() is None:
+        found = data.live.watching.state_for_panel(obj, updating.state)
+        if found in _SAID:
+            draw_text(layout, context, _SAID[found], icon="ERROR")

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operators Update, Auto Update and Paint Where."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.translations import pgettext_rpt
+
+from .. import data
+from ..operators.base import can_run
+from . import automatic, updating
+
+_GROUP = "Shock Filter"
+"""The vertex group that is painted."""
+
+
+def _active(context: bpy.types.Context) -> bpy.types.Object | None:
+    obj = context.object
+    return obj if obj is not None and obj.type == "MESH" else None
+
+
+class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
+    """Make live results again."""
+
+    bl_idname = "shock_filter.update_live"
+    bl_label = "Update"
+    bl_description = (
+        "Make the live results of the selected objects again, with the settings that made them."
+        " The modifiers keep their inputs, and live copies take what their source shows now"
+    )
+    bl_options = set()  # the filter adds the step of undo
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a live result that can be made again."""
+        return can_run(cls, updating.obstacle(_active(context)))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Let a thread compute, if it is one object."""
+        objects = self._objects(context)
+        return self._update(objects, "INVOKE_DEFAULT" if len(objects) == 1 else "EXEC_DEFAULT")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Update one after the other."""
+        return self._update(self._objects(context), "EXEC_DEFAULT")
+
+    def _update(self, objects: list[bpy.types.Object], how: str) -> set[str]:
+        done = 0
+        for obj in objects:
+            try:
+                done += updating.update(obj, how, obj == objects[-1]) != {"CANCELLED"}
+            except RuntimeError as error:
+                self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
+        return {"FINISHED"} if done else {"CANCELLED"}
+
+    def _objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        others = [obj for obj in data.chosen.mesh_users(context) if obj != context.object]
+        return [context.object] + [obj for obj in others if not updating.obstacle(obj)]
+
+
+class SHOCK_FILTER_OT_auto_update_live(bpy.types.Operator):
+    """Update a live copy by itself, or no more."""
+
+    bl_idname = "shock_filter.auto_update_live"
+    bl_label = "Auto Update"
+    bl_description = (
+        "Update this live copy whenever its source has changed. In a file that was opened it waits"
+        " until this is pressed"
+    )
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a live copy."""
+        obj = _active(context)
+        is_copy = obj is not None and data.chosen.live_source(obj) is not None
+        return can_run(cls, "" if is_copy else "Make a live copy the active object.")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Turn it on or off."""
+        automatic.switch(context.object, not automatic.is_on(context.object))
+        return {"FINISHED"}
+
+
+class SHOCK_FILTER_OT_paint_live(bpy.types.Operator):
+    """Paint a mask of a live result."""
+
+    bl_idname = "shock_filter.paint_live"
+    bl_label = "Paint Where"
+    bl_description = (
+        "Paint where the live result is seen: in Weight Paint Mode, into the vertex group that the"
+        " modifier takes as Mask. A new one is 1 everywhere; paint with weight 0"
+    )
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a live result, in Object Mode."""
+        obj = _active(context)
+        obstacle = "Make a mesh object with a live result the active one."
+        if obj is not None and data.chosen.live_modifier(obj) is not None:
+            obstacle = "" if obj.mode == "OBJECT" else "Go to Object Mode first."
+        if not obstacle and data.chosen.mesh_refusal(obj.data):
+            obstacle = data.chosen.mesh_refusal(obj.data)
+        return can_run(cls, obstacle)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add the group, let the modifier read it, and go to Weight Paint Mode."""
+        obj = context.object
+        modifier = data.chosen.live_modifier(obj)
+        name = data.live.stacks.linked_input(modifier, data.live.nodes.MASK)
+        if name not in obj.vertex_groups:
+            group = obj.vertex_groups.new(name=_GROUP)
+            group.add(range(len(obj.data.vertices)), 1.0, "REPLACE")
+            name = group.name
+            data.live.stacks.link_input(modifier, data.live.nodes.MASK, name)
+        obj.vertex_groups.active = obj.vertex_groups[name]
+        bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+        self.report({"INFO"}, pgettext_rpt("Weight 1 shows the result, 0 the mesh as it was."))
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SHOCK_FILTER_OT_update_live,
+    SHOCK_FILTER_OT_auto_update_live,
+    SHOCK_FILTER_OT_paint_live,
+)

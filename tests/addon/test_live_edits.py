@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Edits at random on objects with a live result: nothing fails, explodes, or is stale and seen.
+
+``python tests/addon/test_live_edits.py 500 1`` does 500 edits with the seed 1.
+"""
+
+import random
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import bpy  # isort: skip
+
+import bmesh  # of bpy
+import numpy as np
+import pytest
+import shock_filter
+from shock_filter.shock_addon.data.chosen import is_live, live_modifier
+from shock_filter.shock_addon.data.live import nodes, stacks
+from shock_filter.shock_addon.data.mesh.meshes import read_positions
+
+SMALL, LARGE = 100, 6000
+"""Vertices of the objects that are edited."""
+
+
+class Editing:
+    """A file that is edited at random."""
+
+    def __init__(self, seed, folder):
+        self.random = random.Random(seed)
+        self.path = Path(folder) / "live.blend"
+        self.done = Counter()
+        self.states = Counter()
+        self.reset()
+
+    def reset(self):
+        bpy.ops.wm.read_homefile(use_empty=True)
+        self.add()
+        bpy.ops.wm.save_as_mainfile(filepath=str(self.path), copy=True)
+
+    def add(self):
+        bpy.ops.object.select_all(action="DESELECT")
+        bpy.ops.mesh.primitive_cube_add(location=(self.random.uniform(-3, 3), 0, 0))
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.subdivide(number_cuts=5)
+        bpy.ops.mesh.vertices_smooth(factor=0.5, repeat=3)
+        bpy.ops.object.mode_set(mode="OBJECT")
+        bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+
+    def own(self):
+        """List the objects that may be edited."""
+        found = [obj for obj in bpy.context.view_layer.objects if obj.type == "MESH"]
+        return [
+            obj
+            for obj in found
+            if not (obj.library or obj.override_library or obj.data.library)
+            if SMALL < len(obj.data.vertices) < LARGE
+        ]
+
+    def step(self):
+        if bpy.context.object is not None and bpy.context.object.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        if not self.own() or len(bpy.data.objects) > 12:
+            self.reset()
+        obj = self.random.choice(self.own())
+        bpy.ops.object.select_all(action="DESELECT")
+        bpy.context.view_layer.objects.active = obj
+        obj.select_set(True)
+        edit = self.random.choice(EDITS)
+        edit(self, obj)
+        self.done[edit.__name__] += 1
+        if bpy.context.object is not None and bpy.context.object.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        bpy.ops.ed.undo_push(message=edit.__name__)  # without it Blender may crash at an undo
+        self.check(edit.__name__)
+
+    def check(self, name):
+        bpy.context.view_layer.update()
+        graph = bpy.context.evaluated_depsgraph_get()
+        for obj in list(bpy.context.view_layer.objects):
+            if obj.type != "MESH" or live_modifier(obj) is None or len(obj.modifiers) > 1:
+                continue
+            before = read_positions(obj.data)
+            after = read_positions(obj.evaluated_get(graph).data)
+            state = shock_filter.live.state(obj)
+            self.states[state] += 1
+            assert after.shape == before.shape, name
+            assert np.isfinite(after).all(), name
+            if obj.data.shape_keys is None:
+                if state in ("stale", ""):
+                    assert (after == before).all(), name
+                assert np.abs(after - before).max(initial=0.0) < 1.0, name
+
+
+def with_bmesh(change):
+    def edit(editing, obj):
+        if obj.data.shape_keys is not None:
+            obj.shape_key_clear()
+        bm = bmesh.new()
+        bm.from_mesh(obj.data)
+        change(editing, bm)
+        bm.to_mesh(obj.data)
+        bm.free()
+        obj.data.update()
+
+    edit.__name__ = change.__name__
+    return edit
+
+
+@with_bmesh
+def delete(editing, bm):
+    some = editing.random.sample(list(bm.verts), editing.random.randint(1, 4))
+    bmesh.ops.delete(bm, geom=some, context="VERTS")
+
+
+@with_bmesh
+def subdivide(editing, bm):
+    some = editing.random.sample(list(bm.edges), editing.random.randint(1, 30))
+    bmesh.ops.subdivide_edges(bm, edges=some, cuts=1, use_grid_fill=True)
+
+
+@with_bmesh
+def rotate(editing, bm):
+    inside = [edge for edge in bm.edges if len(edge.link_faces) == 2]
+    bmesh.ops.rotate_edges(bm, edges=editing.random.sample(inside, min(len(inside), 3)))
+
+
+@with_bmesh
+def dissolve(editing, bm):
+    bmesh.ops.dissolve_edges(bm, edges=editing.random.sample(list(bm.edges), 3))
+
+
+@with_bmesh
+def copy_and_delete(editing, bm):
+    """As many vertices as before may be left."""
+    faces = editing.random.sample(list(bm.faces), 3)
+    bmesh.ops.duplicate(bm, geom=faces)
+    bmesh.ops.delete(bm, geom=faces, context="FACES")
+
+
+@with_bmesh
+def sculpt(editing, bm):
+    for vertex in editing.random.sample(list(bm.verts), 20):
+        vertex.co *= editing.random.uniform(0.9, 1.1)
+
+
+def sort(editing, obj):
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.sort_elements(type="RANDOMIZE", elements={"VERT", "EDGE", "FACE"})
+
+
+def remesh(editing, obj):
+    obj.data.remesh_voxel_size = editing.random.uniform(0.15, 0.3)
+    if obj.data.shape_keys is None and not any(m.type == "MULTIRES" for m in obj.modifiers):
+        bpy.ops.object.voxel_remesh()
+
+
+def go_through_modes(editing, obj):
+    for mode in ("EDIT", "SCULPT", "WEIGHT_PAINT", "VERTEX_PAINT"):
+        bpy.ops.object.mode_set(mode=mode)
+    bpy.ops.object.mode_set(mode=editing.random.choice(["EDIT", "OBJECT", "SCULPT"]))
+
+
+def edit_mesh(editing, obj):
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_random(ratio=0.1, seed=editing.random.randint(0, 99))
+    operator = editing.random.choice(
+        [bpy.ops.mesh.vertices_smooth, bpy.ops.mesh.extrude_region, bpy.ops.mesh.poke]
+    )
+    operator()
+
+
+def join(editing, obj):
+    for other in editing.own():
+        other.select_set(editing.random.random() < 0.5 and other.data.shape_keys is None)
+    obj.select_set(True)
+    if obj.data.shape_keys is None:
+        bpy.ops.object.join()
+
+
+def duplicate(editing, obj):
+    bpy.ops.object.duplicate(linked=editing.random.random() < 0.5)
+
+
+def make_single_user(editing, obj):
+    bpy.ops.object.make_single_user(object=True, obdata=True)
+
+
+def append(editing, obj):
+    load(editing, link=False)
+
+
+def link(editing, obj):
+    new = load(editing, link=True)
+    if editing.random.random() < 0.5:
+        own = new.override_create(remap_local_usages=True)
+        if own is not None and own.name not in bpy.context.view_layer.objects:
+            bpy.context.collection.objects.link(own)
+
+
+def load(editing, link):
+    with bpy.data.libraries.load(str(editing.path), link=link) as (there, wanted):
+        wanted.objects = there.objects[:1]
+    if wanted.objects[0].name not in bpy.context.scene.collection.objects:
+        bpy.context.scene.collection.objects.link(wanted.objects[0])
+    return wanted.objects[0]
+
+
+def undo_and_redo(editing, obj):
+    for operator in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo):
+        if operator.poll():
+            operator()
+
+
+def save_and_open(editing, obj):
+    path = str(editing.path.with_name("open.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+
+
+def amount(editing, obj):
+    if live_modifier(obj) is not None:
+        stacks.write_input(live_modifier(obj), nodes.AMOUNT, editing.random.uniform(-1, 2))
+
+
+def paint(editing, obj):
+    if live_modifier(obj) is not None:
+        bpy.ops.shock_filter.paint_live()
+
+
+def update(editing, obj):
+    if is_live(obj):
+        try:
+            shock_filter.live.update(obj)
+        except RuntimeError as error:  # a sentence
+            assert str(error).strip().endswith("."), error
+
+
+def press(editing, obj):
+    try:
+        bpy.ops.shock_filter.sharpen_geometry(
+            output=editing.random.choice(["AUTO", "LIVE", "LIVE", "MESH", "SHAPE_KEY"])
+        )
+    except RuntimeError as error:
+        assert str(error).strip().endswith("."), error
+
+
+def swap(editing, obj):
+    if bpy.ops.shock_filter.before_after.poll():
+        try:
+            bpy.ops.shock_filter.before_after()
+        except RuntimeError as error:
+            assert str(error).strip().endswith("."), error
+
+
+def apply(editing, obj):
+    if live_modifier(obj) is not None and obj.data.users == 1 and obj.data.shape_keys is None:
+        bpy.ops.object.modifier_apply(modifier=live_modifier(obj).name)
+
+
+def remove(editing, obj):
+    bpy.data.objects.remove(obj)
+
+
+EDITS = [
+    *(delete, subdivide, rotate, dissolve, copy_and_delete, sculpt, sort, remesh),
+    *(go_through_modes, edit_mesh, join, duplicate, make_single_user, append, link),
+    *(undo_and_redo, save_and_open, amount, paint, update, update, press, press, swap, apply),
+    remove,
+]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_edits_at_random(seed, tmp_path):
+    editing = Editing(seed, tmp_path)
+    for _ in range(40):
+        editing.step()
+
+
+if __name__ == "__main__":
+    shock_filter.register()
+    with tempfile.TemporaryDirectory() as scratch:
+        all_of_it = Editing(int(sys.argv[2]), scratch)
+        for _number in range(int(sys.argv[1])):
+            all_of_it.step()
+        print(sum(all_of_it.done.values()), dict(all_of_it.done), dict(all_of_it.states))
+    shock_filter.unregister()

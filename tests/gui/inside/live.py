@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live results: a copy that follows its source, undo and redo, painting where it is seen."""
+
+import time
+
+import bpy
+import numpy as np
+import scene
+from harness import (
+    DRAWN,
+    MODULE,
+    Steps,
+    addon,
+    area,
+    fingerprint,
+    finished,
+    open_tab,
+    over,
+    park,
+    picture,
+    report,
+    run,
+    running,
+)
+
+STEPS = 20
+
+
+def scenario() -> Steps:
+    """Go through them."""
+    bpy.context.preferences.edit.undo_steps = 3 * STEPS
+    scene.clear()
+    operand = add_stack()
+    scene.look()
+    yield from open_tab()
+    yield from park()
+    yield from make_copy()
+    yield from follow(operand.name)
+    yield from undo_and_redo()
+    yield from paint()
+
+
+def add_stack() -> bpy.types.Object:
+    """Add a cube out of Boolean and Remesh modifiers, and select it; return the operand."""
+    bpy.ops.mesh.primitive_cube_add(size=0.8, location=(0.8, -0.8, 0.8))
+    operand = bpy.context.object
+    operand.name, operand.display_type = "Operand", "WIRE"
+    bpy.ops.mesh.primitive_cube_add(size=1.6)
+    part = bpy.context.object
+    part.name = "Part"
+    cut = part.modifiers.new("Cut", "BOOLEAN")
+    cut.operation, cut.object = "DIFFERENCE", operand
+    voxel = part.modifiers.new("Remesh", "REMESH")
+    voxel.mode, voxel.voxel_size = "VOXEL", 0.0175
+    return operand
+
+
+def live() -> object:
+    """Return what scripts call."""
+    return addon("live")
+
+
+def seen_state(name: str) -> dict:
+    """Describe an object as it is seen."""
+    bpy.context.view_layer.update()
+    obj = bpy.data.objects[name]
+    mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", points)
+    return {
+        "vertices": len(mesh.vertices),
+        "positions": fingerprint(points),
+        "operand": list(bpy.data.objects["Operand"].location),
+    }
+
+
+def make_copy() -> Steps:
+    """Press, with the output Live."""
+    seen = report["made"] = {}
+    bpy.ops.ed.undo_push(message="Start")
+    run("sharpen_geometry", output="LIVE")
+    yield from finished()
+    copy = bpy.context.object
+    seen["name"], seen["state"] = copy.name, live().state(copy)
+    seen["vertices"] = len(copy.data.vertices)
+    seen["modifiers"] = [each.name for each in copy.modifiers]
+    yield from park()
+    picture("live-copy", area("VIEW_3D"), width=1400)
+
+
+def follow(name: str) -> Steps:
+    """Move the operand, and wait until the copy has followed by itself."""
+    seen = report["followed"] = {}
+    copy = report["made"]["name"]
+    seen["before"] = seen_state(copy)
+    start = time.monotonic()
+    run("update_live")
+    yield from finished()
+    seen["by_hand"] = time.monotonic() - start
+    with over():
+        bpy.ops.shock_filter.auto_update_live()
+    seen["seconds"] = []
+    for _ in range(3):
+        bpy.data.objects[name].location.x -= 0.1
+        bpy.context.view_layer.update()
+        start = time.monotonic()
+        seen["noticed"] = live().state(bpy.data.objects[copy])
+        while live().state(bpy.data.objects[copy]) != "fresh" or running():
+            if time.monotonic() > start + 20.0:
+                raise TimeoutError("The copy does not follow.")
+            yield 0.02
+        seen["seconds"].append(time.monotonic() - start)
+    seen["after"] = seen_state(copy)
+    yield DRAWN
+    picture("live-followed", area("VIEW_3D"), width=1400)
+
+
+def undo_and_redo() -> Steps:
+    """Undo and redo, with Auto Update, which must not end that."""
+    seen = report["undone"] = {}
+    name = report["made"]["name"]
+    amount = [each for each in bpy.data.node_groups if "shock_filter_live" in each]
+    seen["groups"] = len(amount)
+    yield DRAWN
+    states = [seen_state(name)]
+    for number in range(STEPS):
+        bpy.data.objects["Operand"].location.y = -0.8 - 0.01 * number
+        with over():
+            bpy.ops.ed.undo_push(message="Move")
+            bpy.ops.shock_filter.update_live("EXEC_DEFAULT", True)
+        states.append(seen_state(name))
+        yield 0.02
+    for ways, operator in ((reversed(states[:-1]), "undo"), (states[1:], "redo")):
+        seen[operator] = []
+        for state in ways:
+            found = None
+            for _ in range(4):  # moving and updating are steps of their own
+                with over():
+                    if not getattr(bpy.ops.ed, operator).poll():
+                        break
+                    getattr(bpy.ops.ed, operator)()
+                yield 0.02
+                found = seen_state(name)
+                if found["positions"] == state["positions"]:
+                    break
+            seen[operator].append(found is not None and found["positions"] == state["positions"])
+
+
+def paint() -> Steps:
+    """Go to Weight Paint Mode, where the result is seen."""
+    seen = report["painted"] = {}
+    name = report["made"]["name"]
+    before = seen_state(name)
+    with over():
+        bpy.ops.shock_filter.paint_live()
+    yield DRAWN
+    seen["mode"] = bpy.context.mode
+    seen["same"] = seen_state(name)["positions"] == before["positions"]
+    picture("live-painting", area("VIEW_3D"), width=1400)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    seen["module"] = MODULE
