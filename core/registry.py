@@ -329,6 +329,12 @@ def _reaction_diffusion() -> Any:
     return reaction_diffusion
 
 
+def _curvature_map() -> Any:
+    from .maps.curvature_map import curvature_map
+
+    return curvature_map
+
+
 def _advect_noise() -> Any:
     from .advection.noise import advect_noise
 
@@ -494,6 +500,16 @@ FILTERS: tuple[Filter, ...] = (
         takes_scale=True,
     ),
     Filter(
+        "curvature_map",
+        "maps.curvature_map",
+        _settings.CurvatureSettings,
+        FIELD,
+        "curvature-map",
+        "draw the curvature of the surface, without facets: edges, cavities, masks for wear",
+        _curvature_map,
+        takes_mask=False,
+    ),
+    Filter(
         "advect_noise",
         "advection.noise",
         _settings.NoiseSettings,
@@ -528,6 +544,8 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "SolverError",
     ),
     "settings": ("ConvolutionSettings", "DyeSettings", "FitSettings"),
+    "maps.curvature_map": ("curvature_directions",),
+    "mesh.curvature": ("Curvatures", "curvature"),
     "mesh.directions": (
         "axis_directions",
         "gradient_directions",

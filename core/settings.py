@@ -667,6 +667,53 @@ class DistanceSettings(_Settings):
 
 
 @_fields
+class CurvatureSettings(_Settings):
+    """Settings of :func:`shock_filter.core.curvature_map`."""
+
+    kind: str = _setting(
+        "mean",
+        "Which curvature",
+        choices={
+            "mean": "The mean of both ways: edges and bumps positive, valleys and dents negative",
+            "gaussian": "The product of both ways: 0 on what could be unrolled, negative on"
+            " saddles",
+            "convex": "Edges and bumps alone: the greater curvature, 0 where it is negative",
+            "cavity": "Valleys and dents alone: minus the lesser curvature, 0 where that is"
+            " positive",
+        },
+    )
+    look: str = _setting(
+        "curvature",
+        "What the values are",
+        choices={
+            "curvature": "The curvature itself, in 1 / unit of the mesh; convex is positive",
+            "gray": "Flat is middle gray, convex light, concave dark; Convex and Cavity go from"
+            " black to white",
+        },
+    )
+    white: float = _setting(
+        0.0,
+        "The curvature that is white. 0 takes the one that 2 percent of the texels exceed",
+        unit="1 / unit of the mesh",
+        soft_maximum=100.0,
+        length_power=-1,
+        auto=0.0,
+        usual=1.0,
+    )
+    radius: float = _setting(
+        0.0,
+        "How far around each place the surface is fitted. Larger evens out noise. 0 takes 2.5"
+        " edges' lengths",
+        unit="units of the mesh",
+        soft_maximum=1.0,
+        length_power=1,
+        auto=0.0,
+        usual=0.1,
+    )
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
 class StreakSettings(_Settings):
     """Settings of :func:`shock_filter.core.surface_line_convolution`."""
 
