@@ -56,6 +56,14 @@ from .errors import (
 from .flow.potential import (
     flow_field,
 )
+from .maps.curvature_map import (
+    curvature_directions,
+    curvature_map,
+)
+from .mesh.curvature import (
+    Curvatures,
+    curvature,
+)
 from .mesh.directions import (
     axis_directions,
     gradient_directions,
@@ -75,6 +83,7 @@ from .settings import (
     BeltramiSettings,
     BeltramiTextureSettings,
     ConvolutionSettings,
+    CurvatureSettings,
     DilateSettings,
     DistanceSettings,
     DyeSettings,
@@ -147,6 +156,8 @@ __all__ = [
     "Cancelled",
     "ConvolutionSettings",
     "CreaseLine",
+    "CurvatureSettings",
+    "Curvatures",
     "DilateSettings",
     "DistanceSettings",
     "DyeSettings",
@@ -184,6 +195,9 @@ __all__ = [
     "beltrami_texture",
     "beltrami_vertex_signal",
     "crisp_low_poly",
+    "curvature",
+    "curvature_directions",
+    "curvature_map",
     "denoise_geometry",
     "dilate_texture",
     "filter_texture",

@@ -247,6 +247,9 @@ DATA = {
     "pattern": Data(
         "fields", ("scale_map", "stretch_along", *_GENERATED), make_image, object_modes=("OBJECT",)
     ),
+    "curvature": Data(
+        "fields", _GENERATED, make_image, object_modes=("OBJECT",), in_floats=True
+    ),
     "flow": Data("films", (*_FRAMES, *_ON_SURFACE), draw_frames, object_modes=("OBJECT",)),
     "attribute_flow": Data(
         "films", ("field", *_FRAMES, *_ON_SURFACE), draw_frames, object_modes=("OBJECT",)

@@ -640,10 +640,10 @@ MODES: list[Mode] = [
         "generate",
         "Generate",
         "Make an image from the shape of the surface, across seams: masks by distance, brushed"
-        " streaks, animal patterns",
+        " streaks, animal patterns, curvature",
         "generate",
-        "Make a mask by distance, brushed streaks or an animal pattern on the surface, across UV"
-        " seams",
+        "Make a mask by distance, brushed streaks, an animal pattern or a map of curvature on the"
+        " surface, across UV seams",
         (
             Target(
                 "geodesic_distance",
@@ -671,6 +671,16 @@ MODES: list[Mode] = [
                 prefix="pattern_",
                 kind="pattern",
                 dials=("scale", "seed"),
+            ),
+            Target(
+                "curvature_map",
+                "curvature",
+                "Curvature",
+                "How the surface bends: masks of edges and of cavities, without facets",
+                prefix="curvature_",
+                kind="curvature",
+                defaults={"look": "gray"},  # which is seen, whatever the object's size
+                dials=("radius", "white"),
             ),
         ),
         "Generated",

@@ -38,6 +38,7 @@ from ..host.inputs import (
 )
 from ..host.low_poly import low_poly_of
 from ..host.textures import filter_texture
+from ..maps.curvature_map import curvature_directions
 from ..mesh.triangle_mesh import TriangleMesh
 from ..preview.flow import flow_of_colors, flow_of_shape
 from ..registry import FILTERS, Filter, find
@@ -105,6 +106,8 @@ def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
         for settings in _settings(row):
             for function in examples:
                 yield partial(function, row.name, settings)
+    if "field" in kinds:
+        yield _directions
     if "colors" in kinds:
         yield from _runs_of_surfaces(rows)
         shape = _shape()
@@ -194,6 +197,12 @@ def _generated(name: str, settings: Any, **given: Any) -> Any:
         surface = FieldSurface(_textured(_SIZE)[0].faces, shape, start | given, at_vertices)
         found = generate(surface, name, settings)
     return found
+
+
+def _directions() -> Any:
+    faces = _textured(_SIZE)[0].faces
+    mesh = TriangleMesh(faces.positions, faces.triangles)
+    return curvature_directions(mesh, faces.uv, size=2 * (_SIZE,))
 
 
 def _flowing(in_colors: bool, name: str, settings: Any) -> Any:

@@ -261,7 +261,7 @@ _PLACES = {
             name="Image",
             description="Image whose pixels are replaced. Empty makes a new one",
         )
-        for kind in ("distance", "streaks", "pattern")
+        for kind in ("distance", "streaks", "pattern", "curvature")
     },
     "image_size": bpy.props.EnumProperty(
         name="Size",
@@ -459,7 +459,9 @@ OF_ONE_RUN = {
     },
 }
 OF_ONE_RUN["detail"] = OF_ONE_RUN["stitch"] = OF_ONE_RUN["texture"]
-OF_ONE_RUN["distance"] = OF_ONE_RUN["streaks"] = OF_ONE_RUN["pattern"] = {"result": _RESULT}
+OF_ONE_RUN |= {
+    kind: {"result": _RESULT} for kind in ("distance", "streaks", "pattern", "curvature")
+}
 OF_ONE_RUN["flow_map"] = {
     "image": bpy.props.StringProperty(
         name="Flow Map",

@@ -103,7 +103,7 @@ def test_a_larger_radius_evens_out_noise():
     mesh = core.TriangleMesh(noisy, faces)
     spread = [core.curvature(mesh, radius=radius).mean.std() for radius in (0.0, 0.4)]
     assert spread[1] < 0.2 * spread[0]
-    assert abs(core.curvature(mesh, radius=0.4).mean.mean() - 1) < 0.01
+    assert abs(core.curvature(mesh, radius=0.4).mean.mean() - 1) < 0.04
 
 
 def test_grays_and_sides():

@@ -104,6 +104,9 @@ CALLS = {
     "beltrami_vertex_signal": Call(
         {"mesh": MESH, "signal": SIGNAL, "mask": MASK}, core.BeltramiMeshSettings
     ),
+    "curvature": Call({"mesh": MESH, "radius": 0.5}),
+    "curvature_directions": Call(_DRAWN, core.CurvatureSettings),
+    "curvature_map": Call(_DRAWN, core.CurvatureSettings),
     "denoise_geometry": Call({"mesh": MESH, "mask": MASK}, core.BeltramiGeometrySettings),
     "dilate_texture": Call({**_TEXTURE, "image": IMAGE, "atlas": ATLAS}, core.DilateSettings),
     "filter_texture": Call(

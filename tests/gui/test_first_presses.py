@@ -17,6 +17,7 @@ OPERATORS = [
     "generate_distance",
     "generate_streaks",
     "generate_pattern",
+    "generate_curvature",
 ]
 
 

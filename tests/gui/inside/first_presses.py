@@ -29,7 +29,7 @@ def presses() -> Steps:
     operators = ["sharpen_geometry", "denoise", "sharpen_colors", "sharpen_texture"]
     operators += ["filter_texture", "stitch_textures", "dilate_texture"]
     operators += ["sharpen_image", "denoise_image", "denoise_texture"]
-    generated = [("generate", {"target": each}) for each in ("distance", "streaks", "pattern")]
+    generated = [("generate", {"target": each}) for each in ("distance", "streaks", "pattern", "curvature")]
     presses = [(name, {"image": "Coat"} if name.endswith(_OF_IMAGES) else {}) for name in operators]
     for operator, words in presses + generated:
         small = {"image_size": "256", "pattern_steps": 50} if operator == "generate" else {}
