@@ -60,6 +60,11 @@ from .maps.curvature_map import (
     curvature_directions,
     curvature_map,
 )
+from .maps.occlusion import (
+    ambient_occlusion,
+    bent_normals,
+    thickness,
+)
 from .mesh.curvature import (
     Curvatures,
     curvature,
@@ -92,11 +97,13 @@ from .settings import (
     GeometrySettings,
     ImageSettings,
     NoiseSettings,
+    OcclusionSettings,
     ReactionSettings,
     ShockSettings,
     StitchSettings,
     StreakSettings,
     TextureSettings,
+    ThicknessSettings,
 )
 from .shape.crease_lines import (
     CreaseLine,
@@ -172,6 +179,7 @@ __all__ = [
     "InvalidUV",
     "LowPoly",
     "NoiseSettings",
+    "OcclusionSettings",
     "ReactionSettings",
     "ShockError",
     "ShockSettings",
@@ -181,11 +189,13 @@ __all__ = [
     "TextureAtlas",
     "TextureSettings",
     "TextureSolver",
+    "ThicknessSettings",
     "TriangleMesh",
     "UVReport",
     "advect_dye",
     "advect_noise",
     "advect_on_surface",
+    "ambient_occlusion",
     "axis_directions",
     "beltrami_corner_signal",
     "beltrami_image",
@@ -194,6 +204,7 @@ __all__ = [
     "beltrami_mesh",
     "beltrami_texture",
     "beltrami_vertex_signal",
+    "bent_normals",
     "crisp_low_poly",
     "curvature",
     "curvature_directions",
@@ -224,6 +235,7 @@ __all__ = [
     "stitch_textures",
     "surface_line_convolution",
     "tangent_normals",
+    "thickness",
     "vertex_distance",
     "weld",
     "weld_borders",

@@ -745,7 +745,7 @@ class OcclusionSettings(_Settings):
         },
     )
     smoothing: float = _setting(
-        8.0,
+        4.0,
         "How far the noise of the rays is smoothed at most, along the surface. 0 leaves it",
         unit="mean texel sizes on the surface",
         maximum=1e3,
@@ -785,7 +785,7 @@ class ThicknessSettings(_Settings):
         0.0,
         "The largest thickness that is measured. 0 has no limit",
     )
-    smoothing: float = _changed(OcclusionSettings, "smoothing", 8.0)
+    smoothing: float = _changed(OcclusionSettings, "smoothing", 4.0)
     gutter: int = _changed(DilateSettings, "gutter", 16)
 
 

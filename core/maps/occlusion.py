@@ -35,6 +35,9 @@ _ROWS = 4
 _SAME, _OTHER = 0.87, 0.5
 """Cosines between normals up to which faces are shaded as one, and from which as two."""
 
+_DIAGONAL = 1.74
+"""No ray within a cube goes farther, in lengths of its sides."""
+
 _OFF = 1e-4
 """How far above the surface rays begin: in mean edge lengths, and (a hundredth) of the size."""
 
@@ -51,6 +54,7 @@ class _Scene(NamedTuple):
     limit: float
     off: float
     floor: float
+    reach: float  # down to the floor
 
 
 @by_keyword
@@ -284,25 +288,24 @@ def _checked(occluders: Sequence[TriangleMesh]) -> list[TriangleMesh]:
     return list(occluders)
 
 
-def _scene(
-    mesh: TriangleMesh, others: list[TriangleMesh], distance: float, ground: str
-) -> _Scene:
+def _scene(mesh: TriangleMesh, others: list[TriangleMesh], distance: float, ground: str) -> _Scene:
     corners = mesh.scaled_vertices[mesh.faces]
     low, high = mesh.box
     unit, middle = mesh.mean_edge_length, low + 0.5 * (high - low)
     parts = [corners] + [(other.vertices[other.faces] - middle) / unit for other in others]
     every = np.concatenate(parts)
     extent = float((every.max(axis=(0, 1)) - every.min(axis=(0, 1))).max())
-    limit = distance / unit if distance > 0 else 4.0 * extent
+    limit = distance / unit if distance > 0 else np.inf
     floor = float(corners[..., 2].min()) if ground == "below" else -np.inf
     return _Scene(
         boxes_around(every),
         corners,
         mesh.normals,
         _shading(mesh),
-        min(limit, 4.0 * extent),
+        min(limit, _DIAGONAL * extent),
         _OFF * (1.0 + 0.01 * extent),
         floor,
+        limit,
     )
 
 
@@ -310,8 +313,9 @@ def _shading(mesh: TriangleMesh) -> Floats:
     # At each corner the mean normal of the faces around, by angle, as far as they are of one side.
     sides = np.roll(mesh.scaled_vertices[mesh.faces], -1, axis=1)
     sides = sides - mesh.scaled_vertices[mesh.faces]
-    ahead, back = unit_vectors(sides.reshape(-1, 3)), -unit_vectors(
-        np.roll(sides, 1, axis=1).reshape(-1, 3)
+    ahead, back = (
+        unit_vectors(sides.reshape(-1, 3)),
+        -unit_vectors(np.roll(sides, 1, axis=1).reshape(-1, 3)),
     )
     angles = np.arccos(np.clip((ahead * back).sum(axis=1), -1.0, 1.0))
     out = np.empty((mesh.face_count, 3, 3))
@@ -385,8 +389,8 @@ def _tangents(nx, ny, nz):
 
 @kernel
 def _look_around(
-    start, stop, nodes, places, tree, corners, face_normals, normals, limit, off, floor, points,
-    seen, bent,
+    start, stop, nodes, places, tree, corners, face_normals, normals, limit, off, floor, reach,
+    points, seen, bent,
 ):  # fmt: skip
     stack = np.empty(STACK, np.int32)
     columns, count = nodes.shape[1], points.shape[0]
@@ -409,13 +413,11 @@ def _look_around(
                     p * ay + q * by + up * ny,
                     p * az + q * bz + up * nz,
                 )
-                above = (
-                    dx * face_normals[f, 0] + dy * face_normals[f, 1] + dz * face_normals[f, 2]
-                )
+                above = dx * face_normals[f, 0] + dy * face_normals[f, 1] + dz * face_normals[f, 2]
                 if above <= 1e-6:  # below the face itself, though not below the smooth normal
                     continue
                 total[half] += 1.0
-                if oz + limit * dz < floor and oz > floor:
+                if dz < 0.0 and floor < oz < floor - reach * dz:
                     continue
                 far = first_hit(
                     tree, np.float32(ox), np.float32(oy), np.float32(oz), np.float32(dx),
@@ -431,8 +433,12 @@ def _look_around(
                 seen[y, x, half] *= share
                 little = np.float32(1e-3)
                 bent[y, x, 3 * half] = bent[y, x, 3 * half] * share + little * np.float32(nx)
-                bent[y, x, 3 * half + 1] = bent[y, x, 3 * half + 1] * share + little * np.float32(ny)
-                bent[y, x, 3 * half + 2] = bent[y, x, 3 * half + 2] * share + little * np.float32(nz)
+                bent[y, x, 3 * half + 1] = bent[y, x, 3 * half + 1] * share + little * np.float32(
+                    ny
+                )
+                bent[y, x, 3 * half + 2] = bent[y, x, 3 * half + 2] * share + little * np.float32(
+                    nz
+                )
 
 
 @kernel

@@ -53,10 +53,11 @@ def radii_of(mesh: TriangleMesh, radius: float) -> Floats:
     start, ring = mesh.neighbours
     lengths = np.zeros((mesh.vertex_count, 2))
     run(_measure, mesh.vertex_count, mesh.scaled_vertices, start, ring, lengths)
-    wanted = radius / mesh.mean_edge_length
+    wanted = np.full(mesh.vertex_count, radius / mesh.mean_edge_length)
     if radius == 0:
         wanted = _RADIUS * smooth_vertices(mesh, lengths[:, :1], _PASSES)[:, 0]
-    return np.maximum(wanted, _REACH * lengths[:, 1])
+    found: Floats = np.maximum(wanted, _REACH * lengths[:, 1])
+    return found
 
 
 def fitted(
@@ -101,7 +102,7 @@ def gradients_of(
 ) -> npt.NDArray[np.float64]:
     """Fit the gradients of signals (n, c) at the vertices: (n, c, 3), per mean edge length."""
     terms = fitted(mesh, frames, radii, signals)[:, :, 1:]
-    along = terms[:, 1, :, None] * frames.one[:, None]
+    along: Floats = terms[:, 1, :, None] * frames.one[:, None]
     return along + terms[:, 2, :, None] * frames.two[:, None]
 
 

@@ -39,10 +39,11 @@ from ..host.inputs import (
 from ..host.low_poly import low_poly_of
 from ..host.textures import filter_texture
 from ..maps.curvature_map import curvature_directions
+from ..maps.occlusion import bent_normals
 from ..mesh.triangle_mesh import TriangleMesh
 from ..preview.flow import flow_of_colors, flow_of_shape
 from ..registry import FILTERS, Filter, find
-from ..settings import GeometrySettings, ShockSettings, describe, named
+from ..settings import GeometrySettings, OcclusionSettings, ShockSettings, describe, named
 from ..shape.folds import mended
 from ..shape.results import tell_lost
 from .arrays import runs_on_images, runs_on_meshes, runs_on_textures
@@ -202,6 +203,7 @@ def _generated(name: str, settings: Any, **given: Any) -> Any:
 def _directions() -> Any:
     faces = _textured(_SIZE)[0].faces
     mesh = TriangleMesh(faces.positions, faces.triangles)
+    bent_normals(mesh, faces.uv, OcclusionSettings(rays=4), size=2 * (_SIZE,))
     return curvature_directions(mesh, faces.uv, size=2 * (_SIZE,))
 
 

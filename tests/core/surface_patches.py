@@ -25,7 +25,7 @@ def _of_height(x, y, z, fx, fy, fxx, fxy, fyy):
 
 
 def saddle(p):
-    """z = (x^2 - 2 y^2) / 2 over a square of side 2."""
+    """Heights (x^2 - 2 y^2) / 2 over a square of side 2."""
     x, y = (2 * p - 1).T
     one = np.ones_like(x)
     return _of_height(x, y, 0.5 * x**2 - y**2, x, -2 * y, one, 0 * one, -2 * one)
@@ -63,7 +63,12 @@ def triangulated(kind, n, seed=0):
     if kind == "random":
         points = np.random.default_rng(seed).random(((n - 1) ** 2, 2))
         side = np.arange(n) / n
-        rim = [(side, 0 * side), (0 * side + 1, side), (1 - side, 0 * side + 1), (0 * side, 1 - side)]
+        rim = [
+            (side, 0 * side),
+            (0 * side + 1, side),
+            (1 - side, 0 * side + 1),
+            (0 * side, 1 - side),
+        ]
         points = np.concatenate([points, *(np.stack(each, axis=1) for each in rim)])
         return points, Delaunay(points).simplices
     columns = 10 * n if kind == "stretched" else n
@@ -83,7 +88,7 @@ def patch(surface, kind, n):
 
 
 def laid_out(mesh, square, layout, size):
-    """UV coordinates in one chart, in four turned ones, or one chart for each face; and the size."""
+    """UV coordinates in one chart, in four turned ones, or one for each face; and the size."""
     if layout == "whole":
         return 0.05 + 0.9 * square, size
     if layout == "faces":

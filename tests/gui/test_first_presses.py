@@ -18,6 +18,8 @@ OPERATORS = [
     "generate_streaks",
     "generate_pattern",
     "generate_curvature",
+    "generate_occlusion",
+    "generate_thickness",
 ]
 
 

@@ -295,9 +295,7 @@ _CHOSEN = {
 }
 
 
-def _starts(
-    objects: list[bpy.types.Object], start: str, vertex_group: str = ""
-) -> dict[str, Any]:
+def _starts(objects: list[bpy.types.Object], start: str, vertex_group: str = "") -> dict[str, Any]:
     # Vertices and edges, numbered through all objects.
     vertices, edges, first = [], [], 0
     for obj in objects:
