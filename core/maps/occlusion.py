@@ -112,7 +112,8 @@ def ambient_occlusion(
     --------
     >>> import numpy as np
     >>> from shock_filter import core
-    >>> floor = core.TriangleMesh([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> vertices = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
+    >>> floor = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> wall = core.TriangleMesh([[0, -99, 0], [0, 99, 0], [0, 0, 99]], [[0, 1, 2]])
     >>> uv = floor.vertices[floor.faces][..., :2] / 2
     >>> image = core.ambient_occlusion(floor, uv, size=(32, 32), occluders=[wall])
@@ -173,7 +174,8 @@ def bent_normals(
     Examples
     --------
     >>> from shock_filter import core
-    >>> floor = core.TriangleMesh([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> vertices = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
+    >>> floor = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> wall = core.TriangleMesh([[0, -99, 0], [0, 99, 0], [0, 0, 99]], [[0, 1, 2]])
     >>> uv = floor.vertices[floor.faces][..., :2] / 2
     >>> vectors = core.bent_normals(floor, uv, size=(32, 32), occluders=[wall])
@@ -246,7 +248,8 @@ def thickness(
     >>> square = np.array([[0.0, 0, 0], [9, 0, 0], [9, 9, 0], [0, 9, 0]])
     >>> faces = [[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]]
     >>> plates = core.TriangleMesh(np.concatenate([square, square - [0, 0, 0.5]]), faces)
-    >>> uv = plates.vertices[plates.faces][..., :2] / 18 + [[[0, 0]], [[0, 0]], [[0.5, 0]], [[0.5, 0]]]
+    >>> uv = plates.vertices[plates.faces][..., :2] / 18
+    >>> uv[2:, :, 0] += 0.5
     >>> image = core.thickness(plates, uv, size=(32, 32))
     >>> bool(np.isclose(image[8, 8], 0.5, atol=1e-3))
     True

@@ -65,8 +65,8 @@ def curvature(
     Returns
     -------
     Curvatures
-        ``principal`` (n, 2), ``directions`` (n, 2, 3), ``mean`` (n,) and ``gaussian`` (n,), float64,
-        in 1 / unit of the mesh (Gaussian: its square). Convex is positive: 1 / r on a sphere of
+        ``principal`` (n, 2), ``directions`` (n, 2, 3), ``mean`` and ``gaussian`` (n,), float64, in
+        1 / unit of the mesh (Gaussian: its square). Convex is positive: 1 / r on a sphere of
         radius r, 0 on a plane. Vertices without faces have 0.
 
     Raises

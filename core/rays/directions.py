@@ -29,7 +29,7 @@ def sobol_points(count: int) -> npt.NDArray[np.uint32]:
     numbers = np.arange(count, dtype=np.uint64)
     points = np.zeros((count, 2), dtype=np.uint64)
     steps = [1 << (_BITS - 1 - bit) for bit in range(_BITS)], [1 << (_BITS - 1)]
-    for bit in range(1, _BITS):  # the polynomial x + 1
+    for _ in range(1, _BITS):  # the polynomial x + 1
         before = steps[1][-1]
         steps[1].append(before ^ (before >> 1))
     for axis in range(2):
