@@ -203,7 +203,8 @@ def _generated(name: str, settings: Any, **given: Any) -> Any:
 def _directions() -> Any:
     faces = _textured(_SIZE)[0].faces
     mesh = TriangleMesh(faces.positions, faces.triangles)
-    bent_normals(mesh, faces.uv, OcclusionSettings(rays=4), size=2 * (_SIZE,))
+    for size in (_SIZE, _SOLVED):
+        bent_normals(mesh, faces.uv, OcclusionSettings(rays=4), size=2 * (size,))
     return curvature_directions(mesh, faces.uv, size=2 * (_SIZE,))
 
 
