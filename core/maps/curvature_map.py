@@ -14,7 +14,7 @@ from ..mesh.curvature import Curvatures, curvatures_of
 from ..mesh.jets import Frames, radii_of
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
 from ..settings import CurvatureSettings, given_or_default
-from .drawing import drawn_smoothly, new_texture
+from .drawing import drawn_smoothly, new_texture, with_gutter
 
 _Single = npt.NDArray[np.float32]
 
@@ -89,9 +89,12 @@ def curvature_map(
         with phase(0.3, 0.6, _FINDING):
             frames, radii = Frames(mesh), radii_of(mesh, settings.radius)
             signal = _signal(curvatures_of(mesh, frames, radii), settings.kind)
-        with phase(0.6, 1.0, "Drawing"):
-            values = drawn_smoothly(texture, frames, radii, signal[:, None], settings.gutter)
-        return _shown(values[..., 0], texture.atlas, settings)
+        with phase(0.6, 0.8, "Drawing"):
+            values = drawn_smoothly(texture, frames, radii, signal[:, None])
+            values = _shown(values, texture.atlas, settings)
+        with phase(0.8, 1.0, "Filling the gutter"):
+            image = with_gutter(texture, values, settings.gutter)[..., 0]
+            return image if settings.look == "curvature" else np.clip(image, 0.0, 1.0)
 
 
 @by_keyword
@@ -149,8 +152,10 @@ def curvature_directions(
         with phase(0.3, 0.6, _FINDING):
             frames, radii = Frames(mesh), radii_of(mesh, settings.radius)
             tensors = _tensors(curvatures_of(mesh, frames, radii))
-        with phase(0.6, 0.95, "Drawing"):
-            drawn = drawn_smoothly(texture, frames, radii, tensors, settings.gutter)
+        with phase(0.6, 0.8, "Drawing"):
+            sheet = drawn_smoothly(texture, frames, radii, tensors)
+        with phase(0.8, 0.95, "Filling the gutter"):
+            drawn = with_gutter(texture, sheet, settings.gutter)
         with phase(0.95, 1.0, "Drawing"):
             out = np.zeros((*shape, 3), dtype=np.float32)
             run(_longest, len(out), drawn, out)
@@ -179,23 +184,17 @@ def _tensors(found: Curvatures) -> Floats:
 
 
 def _shown(values: _Single, atlas: TextureAtlas, settings: CurvatureSettings) -> _Single:
+    # On the sheet.
     is_sided = settings.kind in ("convex", "cavity")
     if is_sided:
         values = np.maximum(values, np.float32(0.0))
     if settings.look == "curvature":
         return values
     ask()
-    scale = settings.white or _usual(values[atlas.inside], atlas.mesh, settings.kind)
-    grays = np.clip(values / np.float32(scale) * (1.0 if is_sided else 0.5), -0.5, 1.0)
-    grays += np.float32(0.0 if is_sided else 0.5)
-    grays = np.clip(grays, 0.0, 1.0).astype(np.float32)
-    if not is_sided:
-        grays[_beyond(atlas)] = 0.0
-    return grays
-
-
-def _beyond(atlas: TextureAtlas) -> npt.NDArray[np.bool_]:
-    return atlas.owners < 0
+    scale = settings.white or _usual(values[atlas.sheet.nodes >= 0], atlas.mesh, settings.kind)
+    grays = values / np.float32(scale)
+    grays = grays if is_sided else 0.5 + 0.5 * grays
+    return np.clip(grays, 0.0, 1.0).astype(np.float32)
 
 
 def _usual(values: _Single, mesh: TriangleMesh, kind: str) -> float:

@@ -40,10 +40,8 @@ def with_gutter(texture: Texture, sheet: _Single, gutter: int) -> _Single:
     return written(texture, sheet, DilateSettings(gutter=gutter), None)
 
 
-def drawn_smoothly(
-    texture: Texture, frames: Frames, radii: Floats, signals: Floats, gutter: int
-) -> _Single:
-    """Draw signals at the vertices as cubics that go on smoothly from face to face.
+def drawn_smoothly(texture: Texture, frames: Frames, radii: Floats, signals: Floats) -> _Single:
+    """Draw signals at the vertices on the sheet, as cubics that go on smoothly between faces.
 
     Parameters
     ----------
@@ -52,22 +50,20 @@ def drawn_smoothly(
     frames, radii
         Where gradients are fitted, see `core.mesh.jets`.
     signals : (n, c) float64
-    gutter : int
 
     Returns
     -------
-    (h, w, c) float32
-        The gutter around the charts is filled; the rest is 0.
+    (rows, columns, c) float32
+        Values at nodes inside charts, see `with_gutter`.
     """
     mesh = texture.atlas.mesh
-    with phase(0.0, 0.4, "Drawing"):
+    with phase(0.0, 0.7, "Drawing"):
         points = control_points(mesh, gradients_of(mesh, frames, radii, signals), signals)
-    with phase(0.4, 0.6, "Drawing"):
+    with phase(0.7, 1.0, "Drawing"):
         sheet = np.zeros((*texture.atlas.sheet.nodes.shape, signals.shape[1]), dtype=np.float32)
         run(_draw, len(sheet), texture.atlas.sheet.nodes, texture.atlas.sheet.points, points,
             sheet, chunk=ROWS)  # fmt: skip
-    with phase(0.6, 1.0, "Filling the gutter"):
-        return with_gutter(texture, sheet, gutter)
+    return sheet
 
 
 def control_points(mesh: TriangleMesh, gradients: Floats, signals: Floats) -> Floats:

@@ -119,6 +119,9 @@ def test_grays_and_sides():
     inside = atlas.inside
     assert np.allclose(gray[inside], np.clip(0.5 + mean[inside] / 8, 0, 1), atol=1e-6)
     assert not gray[0, 0] and not mean[0, 0]
+    wide = core.CurvatureSettings(look="gray", white=4.0)
+    beside = core.curvature_map(mesh, uv, wide, size=(size, size), atlas=atlas)[2, 40]
+    assert beside == pytest.approx(gray[6, 40], abs=0.05)  # the gutter goes on in gray
     convex, cavity = drawn(kind="convex"), drawn(kind="cavity")
     assert convex.min() >= 0 and cavity.min() >= 0
     assert np.allclose((convex - cavity)[inside], 2 * mean[inside], atol=0.02)
