@@ -140,8 +140,8 @@ def curvature_directions(
     >>> mesh = core.TriangleMesh(vertices, faces)
     >>> uv = 0.5 + 0.5 * mesh.vertices[mesh.faces][..., :2]
     >>> vectors = core.curvature_directions(mesh, uv, size=(64, 64))
-    >>> np.abs(vectors[32, 32]).round(2).tolist()  # round the cylinder
-    [1.0, 0.0, 0.02]
+    >>> bool(abs(vectors[32, 32, 0]) > 0.99)  # round the cylinder
+    True
     """
     settings = given_or_default(settings, CurvatureSettings)
     shape = checked_size(size)
