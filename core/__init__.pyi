@@ -56,6 +56,19 @@ from .errors import (
 from .flow.potential import (
     flow_field,
 )
+from .maps.curvature_map import (
+    curvature_directions,
+    curvature_map,
+)
+from .maps.occlusion import (
+    ambient_occlusion,
+    bent_normals,
+    thickness,
+)
+from .mesh.curvature import (
+    Curvatures,
+    curvature,
+)
 from .mesh.directions import (
     axis_directions,
     gradient_directions,
@@ -89,6 +102,7 @@ from .settings import (
     BeltramiTextureSettings,
     BlockSettings,
     ConvolutionSettings,
+    CurvatureSettings,
     DilateSettings,
     DistanceSettings,
     DyeSettings,
@@ -98,11 +112,13 @@ from .settings import (
     GeometrySettings,
     ImageSettings,
     NoiseSettings,
+    OcclusionSettings,
     ReactionSettings,
     ShockSettings,
     StitchSettings,
     StreakSettings,
     TextureSettings,
+    ThicknessSettings,
     TileSettings,
 )
 from .shape.crease_lines import (
@@ -164,6 +180,8 @@ __all__ = [
     "Cancelled",
     "ConvolutionSettings",
     "CreaseLine",
+    "CurvatureSettings",
+    "Curvatures",
     "DilateSettings",
     "DistanceSettings",
     "DyeSettings",
@@ -179,6 +197,7 @@ __all__ = [
     "InvalidUV",
     "LowPoly",
     "NoiseSettings",
+    "OcclusionSettings",
     "ReactionSettings",
     "ShockError",
     "ShockSettings",
@@ -188,12 +207,14 @@ __all__ = [
     "TextureAtlas",
     "TextureSettings",
     "TextureSolver",
+    "ThicknessSettings",
     "TileSettings",
     "TriangleMesh",
     "UVReport",
     "advect_dye",
     "advect_noise",
     "advect_on_surface",
+    "ambient_occlusion",
     "axis_directions",
     "beltrami_corner_signal",
     "beltrami_image",
@@ -202,7 +223,11 @@ __all__ = [
     "beltrami_mesh",
     "beltrami_texture",
     "beltrami_vertex_signal",
+    "bent_normals",
     "crisp_low_poly",
+    "curvature",
+    "curvature_directions",
+    "curvature_map",
     "denoise_geometry",
     "dilate_texture",
     "enlarge_texture",
@@ -234,6 +259,7 @@ __all__ = [
     "stitch_textures",
     "surface_line_convolution",
     "tangent_normals",
+    "thickness",
     "vertex_distance",
     "weld",
     "weld_borders",

@@ -350,6 +350,24 @@ def _reaction_diffusion() -> Any:
     return reaction_diffusion
 
 
+def _curvature_map() -> Any:
+    from .maps.curvature_map import curvature_map
+
+    return curvature_map
+
+
+def _ambient_occlusion() -> Any:
+    from .maps.occlusion import ambient_occlusion
+
+    return ambient_occlusion
+
+
+def _thickness() -> Any:
+    from .maps.occlusion import thickness
+
+    return thickness
+
+
 def _advect_noise() -> Any:
     from .advection.noise import advect_noise
 
@@ -545,6 +563,38 @@ FILTERS: tuple[Filter, ...] = (
         takes_scale=True,
     ),
     Filter(
+        "curvature_map",
+        "maps.curvature_map",
+        _settings.CurvatureSettings,
+        FIELD,
+        "curvature-map",
+        "draw the curvature of the surface, without facets: edges, cavities, masks for wear",
+        _curvature_map,
+        takes_mask=False,
+    ),
+    Filter(
+        "ambient_occlusion",
+        "maps.occlusion",
+        _settings.OcclusionSettings,
+        FIELD,
+        "ambient-occlusion",
+        "draw how much of the sky each texel sees: dirt in corners, contact shadows",
+        _ambient_occlusion,
+        is_slow=True,
+        takes_mask=False,
+    ),
+    Filter(
+        "thickness",
+        "maps.occlusion",
+        _settings.ThicknessSettings,
+        FIELD,
+        "thickness",
+        "draw how thick the body behind each texel is, for light that shines through",
+        _thickness,
+        is_slow=True,
+        takes_mask=False,
+    ),
+    Filter(
         "advect_noise",
         "advection.noise",
         _settings.NoiseSettings,
@@ -579,6 +629,9 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "SolverError",
     ),
     "settings": ("ConvolutionSettings", "DyeSettings", "FitSettings"),
+    "maps.curvature_map": ("curvature_directions",),
+    "maps.occlusion": ("bent_normals",),
+    "mesh.curvature": ("Curvatures", "curvature"),
     "mesh.directions": (
         "axis_directions",
         "gradient_directions",

@@ -741,6 +741,129 @@ class DistanceSettings(_Settings):
 
 
 @_fields
+class CurvatureSettings(_Settings):
+    """Settings of :func:`shock_filter.core.curvature_map`."""
+
+    kind: str = _setting(
+        "mean",
+        "Which curvature",
+        choices={
+            "mean": "The mean of both ways: edges and bumps positive, valleys and dents negative",
+            "gaussian": "The product of both ways: 0 on what could be unrolled, negative on"
+            " saddles",
+            "convex": "Edges and bumps alone: the greater curvature, 0 where it is negative",
+            "cavity": "Valleys and dents alone: minus the lesser curvature, 0 where that is"
+            " positive",
+        },
+    )
+    look: str = _setting(
+        "curvature",
+        "What the values are",
+        choices={
+            "curvature": "The curvature itself, in 1 / unit of the mesh; convex is positive",
+            "gray": "Flat is middle gray, convex light, concave dark; Convex and Cavity go from"
+            " black to white",
+        },
+    )
+    white: float = _setting(
+        0.0,
+        "The curvature that is white. 0 takes the one that 2 percent of the texels exceed",
+        unit="1 / unit of the mesh",
+        soft_maximum=100.0,
+        auto=0.0,
+        usual=1.0,
+    )
+    radius: float = _setting(
+        0.0,
+        "How far around each place the surface is fitted. Larger evens out noise. 0 takes 2.5"
+        " edges' lengths",
+        unit="units of the mesh",
+        soft_maximum=1.0,
+        length_power=1,
+        auto=0.0,
+        usual=0.1,
+    )
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
+class OcclusionSettings(_Settings):
+    """Settings of :func:`shock_filter.core.ambient_occlusion` and `bent_normals`."""
+
+    rays: int = _setting(
+        64,
+        "How many rays leave each texel. 16 is quick, 1024 exact; powers of 2 spread most evenly",
+        unit="rays",
+        minimum=2,
+        maximum=65536,
+        soft_minimum=16,
+        soft_maximum=1024,
+        brief=8,
+        tried_at_most=32,
+    )
+    distance: float = _setting(
+        0.0,
+        "How far away what stands in the way may be. 0 has no limit",
+        unit="units of the mesh",
+        soft_maximum=10.0,
+        length_power=1,
+        auto=0.0,
+        usual=1.0,
+    )
+    ground: str = _setting(
+        "none",
+        "Whether there is a floor",
+        choices={
+            "none": "No floor",
+            "below": "An endless floor at the lowest point, across the Z axis",
+        },
+    )
+    smoothing: float = _setting(
+        4.0,
+        "How far the noise of the rays is smoothed at most, along the surface. 0 leaves it",
+        unit="mean texel sizes on the surface",
+        maximum=1e3,
+        soft_maximum=32.0,
+        advanced=True,
+        length_power=1,
+        counts_in="texels",
+    )
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
+class ThicknessSettings(_Settings):
+    """Settings of :func:`shock_filter.core.thickness`."""
+
+    look: str = _setting(
+        "thickness",
+        "What the values are",
+        choices={
+            "thickness": "The thickness itself, in units of the mesh",
+            "gray": "Black where it is thin, white where it is thick",
+        },
+    )
+    white: float = _setting(
+        0.0,
+        "The thickness that is white. 0 takes the largest",
+        unit="units of the mesh",
+        soft_maximum=10.0,
+        length_power=1,
+        auto=0.0,
+        usual=1.0,
+    )
+    rays: int = _changed(OcclusionSettings, "rays", 64)
+    distance: float = _changed(
+        OcclusionSettings,
+        "distance",
+        0.0,
+        "The largest thickness that is measured. 0 has no limit",
+    )
+    smoothing: float = _changed(OcclusionSettings, "smoothing", 4.0)
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
 class StreakSettings(_Settings):
     """Settings of :func:`shock_filter.core.surface_line_convolution`."""
 

@@ -247,6 +247,10 @@ DATA = {
     "pattern": Data(
         "fields", ("scale_map", "stretch_along", *_GENERATED), make_image, object_modes=("OBJECT",)
     ),
+    **{
+        kind: Data("fields", _GENERATED, make_image, object_modes=("OBJECT",), in_floats=True)
+        for kind in ("curvature", "occlusion", "thickness")
+    },
     "flow": Data("films", (*_FRAMES, *_ON_SURFACE), draw_frames, object_modes=("OBJECT",)),
     "attribute_flow": Data(
         "films", ("field", *_FRAMES, *_ON_SURFACE), draw_frames, object_modes=("OBJECT",)

@@ -706,10 +706,10 @@ MODES: list[Mode] = [
         "generate",
         "Generate",
         "Make an image from the shape of the surface, across seams: masks by distance, brushed"
-        " streaks, animal patterns",
+        " streaks, animal patterns, curvature, occlusion, thickness",
         "generate",
-        "Make a mask by distance, brushed streaks or an animal pattern on the surface, across UV"
-        " seams",
+        "Make a mask by distance, brushed streaks, an animal pattern, or a map of curvature,"
+        " occlusion or thickness on the surface, across UV seams",
         (
             Target(
                 "geodesic_distance",
@@ -737,6 +737,35 @@ MODES: list[Mode] = [
                 prefix="pattern_",
                 kind="pattern",
                 dials=("scale", "seed"),
+            ),
+            Target(
+                "curvature_map",
+                "curvature",
+                "Curvature",
+                "How the surface bends: masks of edges and of cavities, without facets",
+                prefix="curvature_",
+                kind="curvature",
+                defaults={"look": "gray"},  # which is seen, whatever the object's size
+                dials=("radius", "white"),
+            ),
+            Target(
+                "ambient_occlusion",
+                "occlusion",
+                "Occlusion",
+                "How much of the sky each place sees: dirt in corners, contact shadows",
+                prefix="occlusion_",
+                kind="occlusion",
+                dials=("distance", "smoothing"),
+            ),
+            Target(
+                "thickness",
+                "thickness",
+                "Thickness",
+                "How thick the body is behind each place, for light that shines through",
+                prefix="thickness_",
+                kind="thickness",
+                defaults={"look": "gray"},
+                dials=("white", "smoothing"),
             ),
         ),
         "Generated",

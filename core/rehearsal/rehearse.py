@@ -38,10 +38,12 @@ from ..host.inputs import (
 )
 from ..host.low_poly import low_poly_of
 from ..host.textures import filter_texture
+from ..maps.curvature_map import curvature_directions
+from ..maps.occlusion import bent_normals
 from ..mesh.triangle_mesh import TriangleMesh
 from ..preview.flow import flow_of_colors, flow_of_shape
 from ..registry import FILTERS, Filter, find
-from ..settings import GeometrySettings, ShockSettings, describe, named
+from ..settings import GeometrySettings, OcclusionSettings, ShockSettings, describe, named
 from ..shape.folds import mended
 from ..shape.results import tell_lost
 from .arrays import runs_on_images, runs_on_meshes, runs_on_textures
@@ -105,6 +107,8 @@ def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
         for settings in _settings(row):
             for function in examples:
                 yield partial(function, row.name, settings)
+    if "field" in kinds:
+        yield _directions
     if "colors" in kinds:
         yield from _runs_of_surfaces(rows)
         shape = _shape()
@@ -194,6 +198,14 @@ def _generated(name: str, settings: Any, **given: Any) -> Any:
         surface = FieldSurface(_textured(_SIZE)[0].faces, shape, start | given, at_vertices)
         found = generate(surface, name, settings)
     return found
+
+
+def _directions() -> Any:
+    faces = _textured(_SIZE)[0].faces
+    mesh = TriangleMesh(faces.positions, faces.triangles)
+    for size in (_SIZE, _SOLVED):
+        bent_normals(mesh, faces.uv, OcclusionSettings(rays=4), size=2 * (size,))
+    return curvature_directions(mesh, faces.uv, size=2 * (_SIZE,))
 
 
 def _flowing(in_colors: bool, name: str, settings: Any) -> Any:

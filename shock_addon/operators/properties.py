@@ -212,6 +212,9 @@ def _picture(name: str) -> Any:
     )
 
 
+_DRAWN = "distance", "streaks", "pattern", "curvature", "occlusion", "thickness"
+"""Kinds of images that are drawn from the mesh alone."""
+
 _STARTS = [
     (
         "AUTO",
@@ -269,7 +272,7 @@ _PLACES = {
             name="Image",
             description="Image whose pixels are replaced. Empty makes a new one",
         )
-        for kind in ("distance", "streaks", "pattern")
+        for kind in _DRAWN
     },
     "image_size": bpy.props.EnumProperty(
         name="Size",
@@ -467,7 +470,7 @@ OF_ONE_RUN = {
     },
 }
 OF_ONE_RUN["detail"] = OF_ONE_RUN["stitch"] = OF_ONE_RUN["texture"]
-OF_ONE_RUN["distance"] = OF_ONE_RUN["streaks"] = OF_ONE_RUN["pattern"] = {"result": _RESULT}
+OF_ONE_RUN |= {kind: {"result": _RESULT} for kind in _DRAWN}
 OF_ONE_RUN["flow_map"] = {
     "image": bpy.props.StringProperty(
         name="Flow Map",

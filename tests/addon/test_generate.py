@@ -136,6 +136,21 @@ def test_distance_at_vertices_is_an_attribute(sheet):
     assert "Generated Distance on 2 objects: 162 vertices" in operators.summaries["generate"]
 
 
+def test_maps_of_the_shape_are_made(sheet):
+    """Of a bump on a sheet: it is convex, has a valley around it, and stands in the light's way."""
+    for vertex in sheet.data.vertices:
+        vertex.co.z = 0.5 * np.exp(-6.0 * (vertex.co.x**2 + vertex.co.y**2))
+    for target in ("curvature", "occlusion", "thickness"):
+        assert generate(target=target, image_size=str(SIZE)) == {"FINISHED"}
+    curvature, open_sky = read("Grid Curvature"), read("Grid Occlusion")
+    assert bpy.data.images["Grid Curvature"].is_float
+    middle, valley, far = (SIZE // 2, SIZE // 2), (SIZE // 2, SIZE // 6), (6, 6)
+    assert curvature[middle] > 0.8
+    assert curvature[valley] < curvature[far] < curvature[middle]
+    assert open_sky[valley] < 0.993 < open_sky[middle]
+    assert read("Grid Thickness")[far] > 0.99  # rays come out nowhere
+
+
 @pytest.mark.parametrize(("along", "axis"), [("X", 1), ("Y", 0), ("AROUND_X", 0), ("AROUND_Y", 1)])
 def test_streaks_run_along(sheet, along, axis):
     words = {"along": along, "image_size": str(SIZE)}

@@ -54,7 +54,7 @@ DATA = {
     *("points", "signal", "sources", "uv", "velocity", "vertices"),
 }
 
-RESULTS = {"CreaseLine", "LowPoly", "UVReport"}
+RESULTS = {"CreaseLine", "Curvatures", "LowPoly", "UVReport"}
 """Classes of which functions give objects, and nobody else makes any."""
 
 

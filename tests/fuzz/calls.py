@@ -104,6 +104,11 @@ CALLS = {
     "beltrami_vertex_signal": Call(
         {"mesh": MESH, "signal": SIGNAL, "mask": MASK}, core.BeltramiMeshSettings
     ),
+    "ambient_occlusion": Call({**_DRAWN, "occluders": [MESH]}, core.OcclusionSettings),
+    "bent_normals": Call({**_DRAWN, "occluders": [MESH]}, core.OcclusionSettings),
+    "curvature": Call({"mesh": MESH, "radius": 0.5}),
+    "curvature_directions": Call(_DRAWN, core.CurvatureSettings),
+    "curvature_map": Call(_DRAWN, core.CurvatureSettings),
     "denoise_geometry": Call({"mesh": MESH, "mask": MASK}, core.BeltramiGeometrySettings),
     "dilate_texture": Call({**_TEXTURE, "image": IMAGE, "atlas": ATLAS}, core.DilateSettings),
     "filter_texture": Call(
@@ -182,6 +187,7 @@ CALLS = {
         {"mesh": MESH, "vertices": [0], "points": ([1], [[0.2, 0.3, 0.5]]), "edges": [[0, 1]]},
         core.DistanceSettings, infinite=True,
     ),
+    "thickness": Call(_DRAWN, core.ThicknessSettings),
     "weld": Call({"vertices": MESH.vertices}),
     "weld_borders": Call({"vertices": MESH.vertices, "faces": MESH.faces}),
 }  # fmt: skip

@@ -17,6 +17,9 @@ OPERATORS = [
     "generate_distance",
     "generate_streaks",
     "generate_pattern",
+    "generate_curvature",
+    "generate_occlusion",
+    "generate_thickness",
 ]
 
 

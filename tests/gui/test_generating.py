@@ -3,7 +3,7 @@
 
 import pytest
 
-TARGETS = ["distance", "streaks", "pattern"]
+TARGETS = ["distance", "streaks", "pattern", "curvature", "occlusion", "thickness"]
 
 
 @pytest.fixture(scope="module")

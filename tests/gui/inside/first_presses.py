@@ -8,6 +8,8 @@ import bpy
 import scene
 from harness import Steps, area, finished, open_tab, over, report
 
+MAPS = "curvature", "occlusion", "thickness"
+
 _OF_IMAGES = ("texture", "textures", "image")
 
 
@@ -29,7 +31,9 @@ def presses() -> Steps:
     operators = ["sharpen_geometry", "denoise", "sharpen_colors", "sharpen_texture"]
     operators += ["filter_texture", "stitch_textures", "dilate_texture"]
     operators += ["sharpen_image", "denoise_image", "denoise_texture"]
-    generated = [("generate", {"target": each}) for each in ("distance", "streaks", "pattern")]
+    generated = [
+        ("generate", {"target": each}) for each in ("distance", "streaks", "pattern", *MAPS)
+    ]
     presses = [(name, {"image": "Coat"} if name.endswith(_OF_IMAGES) else {}) for name in operators]
     for operator, words in presses + generated:
         small = {"image_size": "256", "pattern_steps": 50} if operator == "generate" else {}
