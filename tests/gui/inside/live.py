@@ -106,7 +106,7 @@ def follow(name: str) -> Steps:
         start = time.monotonic()
         seen["noticed"] = live().state(bpy.data.objects[copy])
         while live().state(bpy.data.objects[copy]) != "fresh" or running():
-            if time.monotonic() > start + 20.0:
+            if time.monotonic() > start + 90.0:
                 raise TimeoutError("The copy does not follow.")
             yield 0.02
         seen["seconds"].append(time.monotonic() - start)
