@@ -19,7 +19,7 @@ from .chosen import subjects
 from .image import images, textures
 from .image.tiles import Tiles
 from .live.nodes import ATTRIBUTES
-from .mesh import shape_keys
+from .mesh import shape_keys, visible
 from .mesh.meshes import check_leaving, object_mode
 from .mesh.original import color_attribute
 from .mesh.targets import MeshTarget, find
@@ -208,7 +208,39 @@ class ImageSwap:
         textures.assign(self._objects, other, image)
 
 
-Swap = MeshSwap | PixelsSwap | ImageSwap
+class ObjectSwap:
+    """An object that a run has added where another one, which it has hidden, was.
+
+    Parameters
+    ----------
+    source, result : bpy.types.Object
+    """
+
+    is_empty = False
+
+    def __init__(self, source: bpy.types.Object, result: bpy.types.Object) -> None:
+        self.name = result.name
+        self._objects = {BEFORE: source.session_uid, AFTER: result.session_uid}
+        self.uids = set(self._objects.values())
+
+    def state(self) -> str:
+        """Return which of both is shown now; see `MeshSwap`."""
+        there = {state: self._find(state) for state in self._objects}
+        if None in there.values():
+            return ""
+        shown_now = [state for state, obj in there.items() if not obj.hide_render]
+        return shown_now[0] if len(shown_now) == 1 else ""
+
+    def write(self, state: str) -> None:
+        """Show one of both, selected, and hide the other one."""
+        visible.show(self._find(state), self._find(BEFORE if state == AFTER else AFTER))
+
+    def _find(self, state: str) -> bpy.types.Object | None:
+        uid = self._objects[state]
+        return next((obj for obj in bpy.data.objects if obj.session_uid == uid), None)
+
+
+Swap = MeshSwap | PixelsSwap | ImageSwap | ObjectSwap
 
 _held: list[Swap] = []
 """The data that the last run has replaced."""

@@ -73,7 +73,7 @@ class MeshOperator(FilterOperator):
             done = write_results(self.targets, results, write_one)
             for swap in swaps:
                 swap.note_after()
-            data.replaced.hold(swaps)
+            data.replaced.hold([*swaps, *_added(done)])
             return done
 
     def _is_live(self, obj: bpy.types.Object) -> bool:
@@ -176,6 +176,12 @@ class MeshOperator(FilterOperator):
         names = ", ".join(obj.name for obj in new)
         hidden = pgettext_rpt("New: {names}; the originals are hidden.").format(names=names)
         return f"{hidden} {said}".rstrip()
+
+
+def _added(done: Done) -> list[data.replaced.ObjectSwap]:
+    # Objects that were added in place of those that were read.
+    pairs = [(data.mesh.targets.find(each.target), each.data) for each in done[0]]
+    return [data.replaced.ObjectSwap(old, new) for old, new in pairs if new != old]
 
 
 def describe_moves(results: list[Any], advice: str, edge: float) -> str:

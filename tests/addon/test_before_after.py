@@ -307,3 +307,26 @@ def test_other_settings_after_a_swap_begin_with_the_old_shape(rounded_box, over_
     assert stored(bpy.data.objects[name]) == start
     bpy.ops.shock_filter.sharpen_geometry(time=64.0)
     assert stored(bpy.data.objects[name]) == adjusted
+
+
+def test_a_new_object_takes_turns_with_the_one_that_it_replaced(rounded_box):
+    box = rounded_box()
+    start = stored(box)
+    bpy.ops.shock_filter.sharpen_geometry(output="OBJECT")
+    new = bpy.context.object
+    assert new != box and swap.poll()
+    result = stored(new)
+    for shown, hidden in 2 * [(box, new), (new, box)]:
+        assert swap() == {"FINISHED"}
+        assert not shown.hide_get() and not shown.hide_render and shown.select_get()
+        assert hidden.hide_get() and hidden.hide_render
+        assert bpy.context.object == shown
+    assert (stored(box), stored(new)) == (start, result)
+
+
+def test_a_new_object_that_was_removed_is_not_swapped(rounded_box):
+    rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry(output="OBJECT")
+    bpy.data.objects.remove(bpy.context.object)
+    assert not bpy.context.selected_objects
+    assert not swap.poll()

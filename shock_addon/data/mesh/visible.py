@@ -83,7 +83,7 @@ def write_new(
         _remove(new)
         return obj
     new.name = mesh.name = f"{obj.name} {suffix}"
-    _show(new, obj)
+    _place(new, obj)
     return new
 
 
@@ -153,20 +153,28 @@ def _remove(new: bpy.types.Object) -> None:
     bpy.data.meshes.remove(mesh)
 
 
-def _show(new: bpy.types.Object, old: bpy.types.Object) -> None:
+def _place(new: bpy.types.Object, old: bpy.types.Object) -> None:
     # The new object is seen, selected and rendered where the old one was.
-    layer = bpy.context.view_layer
     places = [each for each in old.users_collection if each.library is None]
     for collection in places or [bpy.context.collection]:
         collection.objects.link(new)
-    layer.update()  # it lists new objects then
+    bpy.context.view_layer.update()  # it lists new objects then
+    show(new, old)
+
+
+def show(obj: bpy.types.Object, other: bpy.types.Object) -> None:
+    """Show and select an object in place of another one, which is hidden."""
+    layer = bpy.context.view_layer
     space = bpy.context.space_data
     if space is not None and space.type == "VIEW_3D" and space.local_view is not None:
-        new.local_view_set(space, True)
-    if new.name in layer.objects:
-        new.select_set(True)
-        if layer.objects.active == old:
-            layer.objects.active = new
-    old.select_set(False)
-    old.hide_set(True)
-    old.hide_render = True
+        obj.local_view_set(space, True)
+    obj.hide_render = False
+    if obj.name in layer.objects:
+        obj.hide_set(False)
+        obj.select_set(True)
+        if layer.objects.active in (None, other):
+            layer.objects.active = obj
+    if other.name in layer.objects:
+        other.select_set(False)
+        other.hide_set(True)
+    other.hide_render = True
