@@ -34,6 +34,9 @@ _OPERATORS = {
     "link_map": "generate#add-node",
     "before_after": "panel#before-and-after",
     "use_preset": "presets",
+    "update_live": "live#after-edits",
+    "auto_update_live": "live#of-what-modifiers-make",
+    "paint_live": "live",
 }
 """The places of operators that are not filters."""
 
