@@ -828,6 +828,26 @@ MODES: list[Mode] = [
                     "pattern_steps": 1500,
                 },
             ),
+            Preset(
+                "Edge Mask",
+                "For wear: edges and bumps are white",
+                {"target": "curvature", "curvature_kind": "convex"},
+            ),
+            Preset(
+                "Cavity Mask",
+                "For dirt: valleys and dents are white",
+                {"target": "curvature", "curvature_kind": "cavity"},
+            ),
+            Preset(
+                "On the Ground",
+                "For models that stand on a floor: they are darker near it",
+                {"target": "occlusion", "occlusion_ground": "below"},
+            ),
+            Preset(
+                "Skin and Wax",
+                "For light that shines through: what is thin is black",
+                {"target": "thickness"},
+            ),
         ),
     ),
     Mode(

@@ -58,10 +58,11 @@ class MeshOperator(FilterOperator):
 
         def write_one(target: Any, result: Any) -> bpy.types.Object:
             obj = data.mesh.targets.find(target)
-            if self._is_live(obj):
-                return self._write_live(target, result)
-            if target.is_seen:
-                return write_new(target, result)
+            if self._is_live(obj) or target.is_seen:
+                new = (self._write_live if self._is_live(obj) else write_new)(target, result)
+                if new != obj:
+                    swaps.append(data.replaced.ObjectSwap(obj, new))
+                return new
             write(target, result)
             if self.kind.moves and data.live.movement.remove(obj.data):
                 self._replaced_live.append(obj.name)
@@ -69,11 +70,12 @@ class MeshOperator(FilterOperator):
 
         self._replaced_live: list[str] = []
         with data.mesh.meshes.object_mode(context):
-            swaps = data.replaced.of_meshes([each for each in self.targets if not each.is_seen])
+            meshes = data.replaced.of_meshes([each for each in self.targets if not each.is_seen])
+            swaps: list[data.replaced.Swap] = [*meshes]
             done = write_results(self.targets, results, write_one)
-            for swap in swaps:
+            for swap in meshes:
                 swap.note_after()
-            data.replaced.hold([*swaps, *_added(done)])
+            data.replaced.hold(swaps)
             return done
 
     def _is_live(self, obj: bpy.types.Object) -> bool:
@@ -149,7 +151,7 @@ class MeshOperator(FilterOperator):
         """Return remarks on modifiers and shape keys, if vertices may have moved."""
         if not self.kind.moves:
             return ""
-        said = self._notes(written)
+        said = _notes_of_objects(written, self)
         if any(data.chosen.is_live(each.data) for each in written):
             text = pgettext_rpt("The modifier Shock Filter sets how much of it is seen, and where.")
             said = f"{text} {said}"
@@ -160,28 +162,25 @@ class MeshOperator(FilterOperator):
             said = f"{said} {text.format(names=', '.join(self._replaced_live))}"
         return said.strip()
 
-    def _notes(self, written: list[Written]) -> str:
-        new = [each.data for each in written if each.data.session_uid != each.target.object_uid]
-        same = [
-            each.data
-            for each in written
-            if each.target.is_seen and each.data not in new and not self._is_live(each.data)
-        ]
-        said = notes([each.data for each in written if each.data not in same], self)
-        if same and not new:
-            text = pgettext_rpt("Nothing has changed, so no new object was made.")
-            return f"{text} {said}".rstrip()
-        if not new:
-            return said
-        names = ", ".join(obj.name for obj in new)
-        hidden = pgettext_rpt("New: {names}; the originals are hidden.").format(names=names)
-        return f"{hidden} {said}".rstrip()
 
-
-def _added(done: Done) -> list[data.replaced.ObjectSwap]:
-    # Objects that were added in place of those that were read.
-    pairs = [(data.mesh.targets.find(each.target), each.data) for each in done[0]]
-    return [data.replaced.ObjectSwap(old, new) for old, new in pairs if new != old]
+def _notes_of_objects(written: list[Written], operator: MeshOperator) -> str:
+    new = [each.data for each in written if each.data.session_uid != each.target.object_uid]
+    same = [
+        each.data
+        for each in written
+        if each.target.is_seen
+        and each.data not in new
+        and not obstacles.makes_live(operator.row, operator, each.data)
+    ]
+    said = notes([each.data for each in written if each.data not in same], operator)
+    if same and not new:
+        text = pgettext_rpt("Nothing has changed, so no new object was made.")
+        return f"{text} {said}".rstrip()
+    if not new:
+        return said
+    names = ", ".join(obj.name for obj in new)
+    hidden = pgettext_rpt("New: {names}; the originals are hidden.").format(names=names)
+    return f"{hidden} {said}".rstrip()
 
 
 def describe_moves(results: list[Any], advice: str, edge: float) -> str:

@@ -3,6 +3,7 @@
 
 import pytest
 
+
 @pytest.fixture(scope="module")
 def report(play):
     return play("live")
