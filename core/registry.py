@@ -139,6 +139,8 @@ class Filter(Row):
         For `TEXTURE`: whether it changes the texels beside the charts, and not those in them.
     takes_mask : bool
         Whether it has a mask.
+    mask_as : str
+        The function's name for its mask.
     takes_guide : bool
         Whether the flow of another image may move the values.
     takes_known : bool
@@ -178,6 +180,7 @@ class Filter(Row):
     closes_creases: bool = False
     fills_gutter: bool = False
     takes_mask: bool = True
+    mask_as: str = "mask"
     takes_guide: bool = False
     takes_known: bool = False
     takes_gain: bool = False
@@ -213,6 +216,8 @@ class Filter(Row):
         function = load()
         if not self.takes_mask and not self.kind.is_drawn:
             function = _without_mask(function)
+        elif self.mask_as != "mask":
+            function = _with_mask_as(function, self.mask_as)
         if then_time is None:
             return function
         from .then_sharpen import then_sharpen
@@ -311,7 +316,7 @@ def _stitch_textures() -> Any:
 def _fill_texture() -> Any:
     from .repair.filling import fill_texture
 
-    return _with_mask_as(fill_texture, "missing")
+    return fill_texture
 
 
 def _make_tileable() -> Any:
@@ -505,6 +510,7 @@ FILTERS: tuple[Filter, ...] = (
         "fill what a texture lacks from around it on the surface, across seams",
         _fill_texture,
         needs_levels=True,
+        mask_as="missing",
         takes_normals=True,
     ),
     Filter(

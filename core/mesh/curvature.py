@@ -30,6 +30,14 @@ class Curvatures(NamedTuple):
         Tangent unit vectors along which the surface bends with these curvatures, at right angles
         to each other. Their signs do not matter; where both curvatures are equal, the vectors are
         arbitrary.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> found = core.Curvatures(np.array([[1.0, 3.0]]), np.eye(3)[None, :2])
+    >>> found.mean.tolist(), found.gaussian.tolist()
+    ([2.0], [3.0])
     """
 
     principal: Floats

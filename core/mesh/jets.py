@@ -53,7 +53,8 @@ def radii_of(mesh: TriangleMesh, radius: float) -> Floats:
     start, ring = mesh.neighbours
     lengths = np.zeros((mesh.vertex_count, 2))
     run(_measure, mesh.vertex_count, mesh.scaled_vertices, start, ring, lengths)
-    wanted = np.full(mesh.vertex_count, radius / mesh.mean_edge_length)
+    size = float(np.linalg.norm(np.ptp(mesh.scaled_vertices, axis=0)))
+    wanted = np.full(mesh.vertex_count, min(radius / mesh.mean_edge_length, size))
     if radius == 0:
         wanted = _RADIUS * smooth_vertices(mesh, lengths[:, :1], _PASSES)[:, 0]
     found: Floats = np.maximum(wanted, _REACH * lengths[:, 1])

@@ -17,7 +17,7 @@ from toys import IN_BATCH, OUTSIDE, ROOT, run, tree_with
 SETTINGS = '''
 
 @_fields
-class CurvatureSettings(DilateSettings):
+class BendSettings(DilateSettings):
     """Settings of :func:`shock_filter.core.smooth_by_curvature`."""
 
     radius: float = _setting(
@@ -50,7 +50,7 @@ from ..elements.multigrid import SheetSolver
 from ..elements.surface_values import added_to_sheet, painted_values
 from ..grid.channels import opacity_channel
 from ..mesh.directions import principal_curvatures
-from ..settings import CurvatureSettings, given_or_default
+from ..settings import BendSettings, given_or_default
 from .texels import Output, Texture, checked_atlas, gathered, mix_texels
 
 
@@ -58,7 +58,7 @@ def smooth_by_curvature(
     mesh, uv, image, settings=None, mask=None, progress=None, *, atlas=None
 ):
     given = checked_image(image, LARGEST)
-    settings = given_or_default(settings, CurvatureSettings)
+    settings = given_or_default(settings, BendSettings)
     weights = checked_weights(mask, given)
     pixels = given.reshape(*given.shape[:2], -1)
     alpha = opacity_channel(pixels.shape[2], settings.alpha)
@@ -101,7 +101,7 @@ FILTERS += (
     Filter(
         "smooth_by_curvature",
         "texture.by_curvature",
-        _settings.CurvatureSettings,
+        _settings.BendSettings,
         TEXTURE,
         "smooth-by-curvature",
         "smooth textures where the surface is flat",
@@ -215,13 +215,13 @@ preview.end()
 ran = list(bpy.ops.shock_filter.smooth_by_curvature(image="Noise", output="NEW"))
 smoothed = read_pixels(next(i for i in bpy.data.images if i.name != "Noise" and i.size[0] == 128))
 pressed = compiled()
-small = reduced_settings(core.CurvatureSettings(radius=8.0, hold=3.0), (1024, 1024), (256, 256))
+small = reduced_settings(core.BendSettings(radius=8.0, hold=3.0), (1024, 1024), (256, 256))
 sys.path[:0] = sys.argv[1:]
 import test_panels, write_tables
 drawn = test_panels.draw(test_panels.panels.SHOCK_FILTER_PT_main)
 preset = list(bpy.ops.shock_filter.use_preset(mode="curvature", name="Edges"))
 print(json.dumps({
-    "public": sorted({"CurvatureSettings", "smooth_by_curvature"} & set(core.__all__)),
+    "public": sorted({"BendSettings", "smooth_by_curvature"} & set(core.__all__)),
     "ran": ran,
     "before": roughness(pixels[..., 0]),
     "after": roughness(smoothed[..., 0]),
@@ -235,7 +235,7 @@ print(json.dumps({
     "sizes": sizes,
     "compiled": [rehearsed, pressed],
     "link": manual.entries()["bpy.types.shock_filter_pg_curvature.hold"],
-    "settings": write_tables.settings_table("CurvatureSettings"),
+    "settings": write_tables.settings_table("BendSettings"),
     "operators": write_tables.operator_tables(""),
     "presets": write_tables.preset_tables(""),
 }))
@@ -257,7 +257,7 @@ def found(tree):
 
 
 def test_the_core_gives_its_names(found):
-    assert found["public"] == ["CurvatureSettings", "smooth_by_curvature"]
+    assert found["public"] == ["BendSettings", "smooth_by_curvature"]
 
 
 def test_the_operator_smooths_where_the_surface_is_flat(found):
@@ -289,7 +289,7 @@ def test_the_panel_draws_its_settings_and_button(found):
 
 def test_rehearsal_runs_it_on_textures_with_levels_and_presses_compile_nothing(found):
     choices = 1 + 1 + 2 + 1  # the defaults; other backgrounds, seams, opacity
-    assert found["runs"] == ["CurvatureSettings"] * 2 * choices
+    assert found["runs"] == ["BendSettings"] * 2 * choices
     assert found["sizes"] == [160] * 2 * choices
     rehearsed, pressed = found["compiled"]
     assert pressed == rehearsed > 0

@@ -175,6 +175,7 @@ def test_help_says_description_unit_range_and_default(capsys, command):
     unmasked = command.command == "dilate-texture" or makes
     assert ("--mask" in text) != unmasked
     textures = ["denoise-texture", "sharpen-texture", "filter-texture", "stitch-textures"]
+    textures.append("fill-texture")
     of_textures = unmasked or command.command in textures
     assert ("--material" in text) == of_textures
     assert ("--gain-map" in text) == (command.command == "filter-texture")

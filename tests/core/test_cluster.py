@@ -167,9 +167,15 @@ WORDS = {
     "sharpen-texture": "mesh.obj a.png out.png --guide b.png --time 4",
     "filter-texture": "mesh.obj a.png out.png --gain-map gray.png --gain 2",
     "stitch-textures": "mesh.obj a.png out.png --with b.png",
+    "fill-texture": "mesh.obj a.png out.png --mask hole.png",
+    "make-tileable": "a.png out.png --mask gray.png",
+    "remove-blocks": "a.png out.png",
     "geodesic-distance": "mesh.obj out.npy --painted gray.png --like a.png",
     "surface-streaks": "mesh.obj out.npy --like a.png",
     "surface-pattern": "mesh.obj out.npy --scale-map gray.png --like a.png",
+    "curvature-map": "mesh.obj out.npy --like a.png",
+    "ambient-occlusion": "mesh.obj out.npy --rays 4 --like a.png",
+    "thickness": "mesh.obj out.npy --rays 4 --like a.png",
     "visualize-flow": "flow.npy out --frames 2 --background b.png",
     "dilate-texture": "mesh.obj a.png out.png",
     "texture-mask": "mesh.obj out.png --like a.png",
@@ -183,7 +189,9 @@ def test_each_command_runs_on_workers_and_writes_the_same(address, folder):
     draw("a", "b", folder=".")
     Path("mesh.obj").write_text(MESH)
     np.save("flow.npy", np.random.default_rng(0).random((8, 8, 2)))
-    Image.open("a.png").convert("L").save("gray.png")
+    gray = Image.open("a.png").convert("L")
+    gray.save("gray.png")
+    gray.point(lambda value: 255 * (value > 128)).save("hole.png")
     for command, words in WORDS.items():
         made = []
         for place, flags in (("here", []), ("there", ["--cluster", address])):

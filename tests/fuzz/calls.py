@@ -111,11 +111,19 @@ CALLS = {
     "curvature_map": Call(_DRAWN, core.CurvatureSettings),
     "denoise_geometry": Call({"mesh": MESH, "mask": MASK}, core.BeltramiGeometrySettings),
     "dilate_texture": Call({**_TEXTURE, "image": IMAGE, "atlas": ATLAS}, core.DilateSettings),
+    "enlarge_texture": Call(
+        {**_TEXTURE, "image": IMAGE, "factor": 2, "atlas": ATLAS}, core.DilateSettings
+    ),
+    "fill_texture": Call(
+        {**_TEXTURE, "image": IMAGE, "missing": WEIGHTS > 0.5, "normals": NORMALS, "atlas": ATLAS},
+        core.FillSettings,
+    ),
     "filter_texture": Call(
         {**_TEXTURE, "image": IMAGE, "gain": 2 * WEIGHTS, "mask": WEIGHTS, "normals": NORMALS,
          "atlas": ATLAS},
         core.FilterSettings,
     ),
+    "find_missing": Call({**_TEXTURE, "image": IMAGE, "atlas": ATLAS}, core.FillSettings),
     "fit_to_normals": Call(
         {"mesh": MESH, "normals": MESH.normals, "mask": MASK}, core.FitSettings
     ),
@@ -133,6 +141,7 @@ CALLS = {
     "geometry_flow": Call({"mesh": MESH}, core.GeometrySettings),
     "gradient_directions": Call({"mesh": MESH, "signal": SIGNAL[:, 0], "turned": False}),
     "line_integral_convolution": Call({**_FLOWS, "noise": GRAY}, core.ConvolutionSettings),
+    "make_tileable": Call({"image": IMAGE, "mask": WEIGHTS}, core.TileSettings),
     "object_normals": Call(
         {**_TEXTURE, "image": IMAGE, "normals": NORMALS, "atlas": ATLAS}, core.DilateSettings
     ),
@@ -146,6 +155,7 @@ CALLS = {
          "directions": VECTORS, "at": "faces"},
         core.ReactionSettings, short={"steps": 2},
     ),
+    "remove_blocks": Call({"image": IMAGE, "mask": WEIGHTS}, core.BlockSettings),
     "sharpen_corner_signal": Call(
         {"mesh": MESH, "signal": CORNERS, "mask": MASK}, core.ShockSettings
     ),
@@ -243,6 +253,8 @@ def wrong_values(value):
         yield from (value[:1], (*value, value[0]), value[::-1])
         yield from ((value[0], changed) for changed in _spoiled(np.array(value[1])))
         yield from ((changed, value[1]) for changed in _spoiled(np.array(value[0])))
+    elif isinstance(value, list) and value and isinstance(value[0], core.TriangleMesh):
+        yield from ([*value, None], value[0], [value], tuple(value))
     elif isinstance(value, np.ndarray | list | tuple):
         yield from _spoiled(np.asarray(value))
 
