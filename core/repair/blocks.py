@@ -51,9 +51,6 @@ _THRESHOLD = 0.3
 _NOISE = 0.25
 """Standard deviation of the rounding, in steps."""
 
-_COLORFUL = 1.0
-"""Rounding of color, relative to that of its table."""
-
 
 class Compression(NamedTuple):
     """What is known of a picture's compression.
@@ -237,7 +234,7 @@ def _without_blocks(pixels: npt.NDArray, found: Compression, strength: float) ->
         forward = np.array([_LUMA, [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]])
         planes = np.tensordot(forward.astype(np.float32), planes, 1)
         planes = np.stack([
-            _smoothed(plane, luma if k == 0 else _COLORFUL * chroma, k / 3)
+            _smoothed(plane, luma if k == 0 else chroma, k / 3)
             for k, plane in enumerate(planes)
         ])  # fmt: skip
         planes = np.tensordot(np.linalg.inv(forward), planes, 1)

@@ -152,8 +152,3 @@ def _light(image: Floats, joined: tuple[int, ...]) -> Floats:
     slow = np.exp(-2.0 * np.pi**2 * (rows**2 + columns**2))
     found = np.fft.irfft2(np.fft.rfft2(values) * slow, values.shape)
     return found[: image.shape[0], : image.shape[1]]
-
-
-def tiled(image: npt.NDArray, across: int = 3, down: int = 3) -> npt.NDArray:
-    """Repeat a picture side by side, to look at its joints."""
-    return np.tile(image, (down, across, *(1,) * (image.ndim - 2)))

@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 from shock_filter import core
-from shock_filter.core.repair.tiling import tiled
 
 
 def pictures():
@@ -71,14 +70,6 @@ def test_what_tiles_already_stays_nearly():
     y, x = np.mgrid[:64, :64] / 64 * 2 * np.pi
     image = 0.5 + 0.2 * np.sin(x) * np.cos(y)
     assert np.abs(core.make_tileable(image) - image).max() < 5e-3
-
-
-def test_a_shifted_tile_is_tileable_as_well():
-    # On the torus no pixel is special but for the joint.
-    result = core.make_tileable(pictures()["stripes"])
-    both = tiled(result, 2, 2)
-    assert both.shape == (192, 256)
-    assert (both[96:, 128:] == result).all()
 
 
 def test_uneven_light_goes_and_detail_stays():
