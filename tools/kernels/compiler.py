@@ -62,6 +62,11 @@ _WRAPPER = re.compile(r'^define [^@]*@"?(_ZN7cpython|cfunc)', re.MULTILINE)
 _ADDRESS = re.compile(r"(@\"?numba\.dynamic\.globals[^=]*= .*? )inttoptr \(i64 \d+ to [^)]*\)")
 """Addresses in the process that made the IR; only wrappers and unused code need them."""
 
+_OF_A_PROCESS = re.compile(
+    r"(\.const\.pickle(?:buf|data)\.|numba\.dynamic\.globals\.|object at 0x)([0-9a-f]+)"
+)
+"""Names that numba makes of addresses."""
+
 _LOADED = {"i64", "i32", "i16", "i8", "double", "float", "ptr"}
 """Types of arguments that are loaded from a slot as they are."""
 
@@ -75,6 +80,17 @@ def symbol(entry: Entry, wide: bool = False) -> str:
 def is_wide(entry: Entry, platform: str) -> bool:
     """Whether a kernel is compiled for newer processors, too."""
     return TARGETS[platform].newer is not None and entry.name.startswith(WIDE)
+
+
+def without_addresses(text: str) -> str:
+    """Count through the names in an IR that differ from process to process, at the same length."""
+    numbers: dict[str, str] = {}
+
+    def counted(name: re.Match[str]) -> str:
+        address = name[2]
+        return name[1] + numbers.setdefault(address, str(len(numbers)).zfill(len(address)))
+
+    return _OF_A_PROCESS.sub(counted, _ADDRESS.sub(r"\1null", text))
 
 
 def table_of(entries: Iterable[Entry], platform: str) -> dict[str, dict[str, list[Any]]]:
@@ -125,8 +141,8 @@ class _Compiler:
     def kernel(self, entry: Entry) -> llvm.ModuleRef:
         """Return a module whose only function that others see is the kernel's entry."""
         name = symbol(entry, self._wide)
-        wanted = [text for text in dict.fromkeys(entry.modules) if not _WRAPPER.search(text)]
-        modules = [self._parsed(text) for text in wanted]
+        wanted = {without_addresses(text) for text in entry.modules if not _WRAPPER.search(text)}
+        modules = [self._parsed(text) for text in sorted(wanted)]
         for module in modules:
             for function in _defined(module):  # those that nobody needs so far must stay
                 function.linkage = "weak_odr"
@@ -154,8 +170,7 @@ class _Compiler:
     def _parsed(self, text: str) -> llvm.ModuleRef:
         # Each function is optimised by itself, once.
         if text not in self._done:
-            given = _ADDRESS.sub(r"\1null", text)
-            given = re.sub(r"^target (triple|datalayout) = .*\n", "", given, flags=re.MULTILINE)
+            given = re.sub(r"^target (triple|datalayout) = .*\n", "", text, flags=re.MULTILINE)
             module = llvm.parse_assembly(self.head() + given)
             for function in module.functions:
                 builder = self._builder()

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from numba.core import types
+from numba.core.callconv import CPUCallConv
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.registry import CPUDispatcher
 from numba.np.numpy_support import as_dtype
@@ -43,6 +44,14 @@ def _keep_ir(library: CPUCodeLibrary, module: Any) -> None:
     _libraries.append(library)
     _written.setdefault(id(library), []).append(str(module))
     _add_ir_module(library, module)
+
+
+_build_excinfo_struct = CPUCallConv.build_excinfo_struct
+
+
+def _build_without_place(conventions, exc, exc_args, _, func_name):
+    # An error's file would be a path on this machine.
+    return _build_excinfo_struct(conventions, exc, exc_args, None, func_name)
 
 
 class _Recorded(CPUDispatcher):
@@ -113,6 +122,7 @@ def _entries() -> list[Entry]:
 def record() -> None:
     """Keep the IR of all kernels that are made from now on, and their first calls."""
     CPUCodeLibrary.add_ir_module = _keep_ir
+    CPUCallConv.build_excinfo_struct = _build_without_place
     kernel_cache.KernelCache.load_overload = lambda *_: None  # code on disk has no IR
     compile_kernel = kernel_cache.compile_kernel
 
