@@ -11,7 +11,7 @@ from ..data import PICTURES
 from ..modes import Mode, Target
 from .keeping import found_by
 from .properties import AUTO, FROM, LENGTH
-from .wrapping import draw_text
+from .wrapping import draw_text, fit
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
 """The owner of the values: settings of the scene, or an operator."""
@@ -149,7 +149,8 @@ def _draw_setting(
     if not hasattr(parameters, switch):
         row.prop(parameters, name)
         return
-    row = row.row(heading=parameters.bl_rna.properties[name].name, align=True)
+    title = parameters.bl_rna.properties[name].name
+    row = row.row(heading=title, align=True)
     if not getattr(parameters, switch):
         row.prop(parameters, switch, text="Auto", toggle=True)
         row.prop(parameters, name, text="")
@@ -161,7 +162,8 @@ def _draw_setting(
         return
     text = iface_("Auto: {value}").format(value=found.text)
     row.prop(parameters, switch, text=text, toggle=True, translate=False)
-    keep = row.operator("shock_filter.keep_auto")
+    words = {} if fit(context, [title, text, "Keep"]) else {"text": "", "icon": "PINNED"}
+    keep = row.operator("shock_filter.keep_auto", **words)
     keep.mode, keep.name = mode.group, name
 
 

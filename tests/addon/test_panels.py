@@ -11,7 +11,7 @@ from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import showing as flow_shown
 from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find, modes_of
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import keeping, linking, statistics
+from shock_filter.shock_addon.operators import choosing, keeping, linking, statistics
 from shock_filter.shock_addon.running import jobs, kernels
 from shock_filter.shock_addon.ui import menus, panels
 
@@ -940,8 +940,9 @@ def test_what_auto_chose_is_shown_and_can_be_kept():
     assert ("shock_filter.keep_auto",) not in words(draw(main, image), "operator")
     bpy.ops.shock_filter.denoise_image(image="Noisy", alpha="none")
     shown = bpy.data.images["Noisy denoised"]
-    drawn = draw(main, shown)
+    drawn = draw(main, shown, width=600)
     assert ("shock_filter.keep_auto",) in words(drawn, "operator")
+    assert "" in words(draw(main, shown, width=200), "operator")  # a pin leaves room for the value
     (kept,) = [
         each for each in words(drawn, "set") if hasattr(each, "name") and each.name == "beta"
     ]
@@ -949,6 +950,29 @@ def test_what_auto_chose_is_shown_and_can_be_kept():
     chosen = keeping.found_by(context_in("IMAGE_EDITOR", shown), kept.mode, kept.name)
     assert f"Keep Edges {chosen.text}." in operators.summaries["denoise_image"]
     assert keeping.found_by(context_in("IMAGE_EDITOR", image), "image", "width") is None
+
+
+def test_a_texture_gives_way_while_vertices_are_painted_unless_it_is_chosen_then(rounded_box):
+    rounded_box()
+    bpy.context.object.data.uv_layers.new()
+    bpy.context.object.data.color_attributes.new("Color", "BYTE_COLOR", "CORNER")
+    settings = bpy.context.scene.shock_filter
+
+    def shown():
+        return choosing.mode(context_in(), "mode").key
+
+    settings.mode = "DENOISE_TEXTURE"
+    assert shown() == "denoise_texture"
+    bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+    assert shown() == "colors"
+    settings.mode = "DENOISE_TEXTURE"
+    assert shown() == "denoise_texture"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert shown() == "denoise_texture"
+    settings.mode = "GEOMETRY"
+    assert shown() == "geometry"
+    bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+    assert shown() == "geometry"
 
 
 def test_keep_puts_lengths_into_the_field_as_the_report_gives_them(rounded_box):
