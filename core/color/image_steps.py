@@ -32,6 +32,7 @@ from .learned.images import (
     sharpen_pixels_learned,
     with_detail,
 )
+from .learned.report import tell_opacity
 from .pixel_art import is_for_pixel_art, put_pixels, told_pixel_art
 
 LARGEST = 1e15
@@ -188,9 +189,8 @@ def measured_each(
     """
     scale = SCALES[pixels.dtype.name]
     if lead is None:
-        groups = channel_groups(pixels.shape[2], settings)
+        groups = with_opacity(channel_groups(pixels.shape[2], settings))
         if is_learned(settings, False):
-            groups = with_opacity(groups)
             if known and known.borders.detail == 0.0:  # measured for another way
                 return tuple(with_detail(known, pixels, each) for each in groups)
             return tuple(known or measured_for_learned(pixels, each, settings) for each in groups)
@@ -240,7 +240,7 @@ def _sharpen_into(
                 found = known
     learned = is_learned(settings, lead is not None)
     alpha = groups[0].alpha
-    if learned and alpha >= 0 and np.ptp(pixels[..., alpha]) > 0:
+    if settings.by_width and alpha >= 0 and np.ptp(pixels[..., alpha]) > 0:
         groups = with_opacity(groups)
     if lead is not None:
         _follow_into(widened, pixels, lead, settings, found, part)
@@ -253,8 +253,10 @@ def _sharpen_into(
                 sharpen_pixels_by_width(pixels, channels, settings, widened, found[number], part)
             else:
                 _flow_into(widened, pixels, channels, pixels, channels, settings, part)
-    if learned and alpha >= 0:
+    if settings.by_width and lead is None and alpha >= 0:
         _hide(pixels[..., alpha], widened[..., alpha])
+        if not np.array_equal(pixels[..., alpha], widened[..., alpha]):
+            tell_opacity()
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
 

@@ -16,6 +16,7 @@ from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..color.by_width.domain import flow_for_time
 from ..color.guides import checked_guide
 from ..color.image_steps import LARGEST as LARGEST_BY_WIDTH
+from ..color.learned.report import tell_opacity
 from ..errors import InvalidSignal
 from ..grid.channels import channel_groups, opacity_channel, with_opacity
 from ..grid.pixels import copied
@@ -34,7 +35,7 @@ from .texels import (
     values_of,
     written,
 )
-from .textures_by_width import follow_texels_by_width, sharpen_texels_by_width
+from .textures_by_width import follow_texels_by_width, nodes_inside, sharpen_texels_by_width
 from .textures_learned import are_learned, sharpen_texels_learned
 
 
@@ -78,8 +79,8 @@ def sharpen_texture(
     -------
     array like `image`
         Inside the charts, each value is within the range of the input near it on the surface, up
-        to rounding to single precision. Opacity is sharpened by itself; it stays where a time or
-        What is given, or a guide. The gutter around them is filled with the colors across the seam;
+        to rounding to single precision. Opacity is sharpened by itself; it stays where a time is
+        given, or a guide. The gutter around them is filled with the colors across the seam;
         at closed seams, the chart's own colors are extended. A time of 0 returns the input bit for
         bit.
 
@@ -237,8 +238,9 @@ def _sharpened(
         result = copied(values)
     groups = channel_groups(values.shape[2], settings)
     surface = Surface(atlas) if are_learned(settings, normals) else None
-    if surface is not None and texture.alpha >= 0:
-        opacity = values[surface.inside][:, texture.alpha]
+    has_opacity = settings.by_width and not normals and texture.alpha >= 0
+    if has_opacity:
+        opacity = values[nodes_inside(atlas)][:, texture.alpha]
         if (opacity[1:] != opacity[:-1]).any():
             groups = with_opacity(groups)
     for number, channels in enumerate(groups):
@@ -252,8 +254,11 @@ def _sharpened(
             domain = SheetDomain(atlas, channels, settings.sampling == "nearest", normals)
             passes = settings.smoothing_passes
             flow_for_time(domain, values, domain, values, passes, settings.time, result)
-    if surface is not None and texture.alpha >= 0:  # what was hidden has no color to show
-        result[..., texture.alpha][values[..., texture.alpha] == 0] = 0
+    if has_opacity:  # what was hidden has no color to show
+        opacity, sharp = values[..., texture.alpha], result[..., texture.alpha]
+        sharp[opacity == 0] = 0
+        if not np.array_equal(opacity, sharp):
+            tell_opacity()
     mix_texels(atlas, values, settings.amount, weights, result)
     return result
 

@@ -51,7 +51,7 @@ def sharpen_texels_by_width(
         domain = SheetDomain(atlas, channels, settings.sampling == "nearest", normals)
         sharpen_by_width(domain, plan, values, result)
     if settings.width == 0 and channels.start == 0 and is_gathered():
-        tell_closed("texels", found, result, channels, inside=_inside(atlas))
+        tell_closed("texels", found, result, channels, inside=nodes_inside(atlas))
 
 
 def follow_texels_by_width(
@@ -87,7 +87,7 @@ def follow_texels_by_width(
         own = flow_only(plan, width, what)._replace(share=plan.share)
     else:
         with aside("Measuring borders"):
-            noise = measure_borders(values, 1.0, channels, inside=_inside(atlas)).noise
+            noise = measure_borders(values, 1.0, channels, inside=nodes_inside(atlas)).noise
         own = plan_of(what, width, noise, passes)
         own = plan._replace(unsharp=own.unsharp, grain=own.grain)
     domain = SheetDomain(atlas, channels, settings.sampling == "nearest", normals)
@@ -99,8 +99,9 @@ def _measured(
     atlas: TextureAtlas, values: Texels, channels: Channels, settings: TextureSettings
 ) -> Measured:
     with aside("Measuring borders"):
-        return measured(values, channels, settings, inside=_inside(atlas))
+        return measured(values, channels, settings, inside=nodes_inside(atlas))
 
 
-def _inside(atlas: TextureAtlas) -> npt.NDArray[np.bool_]:
+def nodes_inside(atlas: TextureAtlas) -> npt.NDArray[np.bool_]:
+    """Which nodes lie inside charts: (rows, columns)."""
     return atlas.sheet.nodes >= 0

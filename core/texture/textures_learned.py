@@ -14,10 +14,10 @@ from ..base.progress import aside, phase
 from ..color.learned.first import SIGMAS
 from ..color.learned.images import detail_of, typical_detail
 from ..color.learned.recipe import FAINT, Wishes, sharpened
-from ..color.learned.report import tell_learned, tell_opacity
+from ..color.learned.report import tell_learned
 from ..color.learned.surroundings import WIDEST
 from ..grid.borders import Borders, measure_borders
-from ..grid.channels import Channels, opacity_channel
+from ..grid.channels import Channels
 from ..settings import WIDTH_OF_SIGMA, TextureSettings
 from .texel_planes import Surface, TexelPlanes
 
@@ -84,9 +84,6 @@ def sharpen_texels_learned(
                 sharp_planes = TexelPlanes.of_texels(surface, result, channels)
                 after = after._replace(detail=_detail(sharp_planes))
         tell_learned("texels", borders._replace(detail=detail), after)
-    alpha = opacity_channel(values.shape[2], settings.alpha)
-    if channels.start == alpha and not np.array_equal(result[..., alpha], values[..., alpha]):
-        tell_opacity()
 
 
 def _detail(planes: TexelPlanes) -> float:

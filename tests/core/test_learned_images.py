@@ -167,11 +167,15 @@ def test_a_soft_logo_gets_a_crisp_outline(dtype):
     )
 
 
-def test_opacity_is_sharpened_as_a_gray_image_but_not_where_more_is_given():
+def test_opacity_is_sharpened_as_a_gray_image_but_not_where_a_time_is_given():
     alpha = ndimage.gaussian_filter(logo()[..., 3], 1.5).astype(np.float32) * np.float32(0.9) + 0.1
     image = np.concatenate([scene(16)[:160, :160], alpha[..., None]], axis=2)
-    np.testing.assert_array_equal(core.sharpen_image(image)[..., 3], core.sharpen_image(alpha))
-    for words in ({"what": "drawing"}, {"time": 64.0}, {"amount": 0.0}):
+    for what in ("auto", "drawing"):
+        settings = core.ImageSettings(what=what)
+        sharp, gray = (core.sharpen_image(each, settings) for each in (image, alpha))
+        np.testing.assert_array_equal(sharp[..., 3], gray)
+        assert not np.array_equal(gray, alpha)
+    for words in ({"time": 64.0}, {"amount": 0.0}):
         sharp = core.sharpen_image(image, core.ImageSettings(**words))
         np.testing.assert_array_equal(sharp[..., 3], alpha)
 

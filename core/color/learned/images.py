@@ -10,14 +10,14 @@ from ...base.findings import is_gathered
 from ...base.parallel import kernel, run
 from ...base.progress import aside, phase
 from ...grid.borders import Borders, measure_borders, windows_to_measure
-from ...grid.channels import Channels, opacity_channel
+from ...grid.channels import Channels
 from ...grid.part import Part
 from ...settings import WIDTH_OF_SIGMA, ImageSettings
 from ..by_width.measuring import Measured, scale_of
 from .first import SIGMAS
 from .planes import Planes
 from .recipe import FAINT, Wishes, sharpened
-from .report import tell_learned, tell_opacity
+from .report import tell_learned
 from .surroundings import CELL, STRIP, WIDEST, Singles
 
 _ROUNDING = 16 * float(np.finfo(np.float32).eps)
@@ -127,9 +127,6 @@ def sharpen_pixels_learned(
                 after = measure_borders(target, scale_of(target), channels, roughly=True)
                 after = after._replace(detail=measured_detail(target, channels))
         tell_learned("pixels", found.borders, after)
-    alpha = opacity_channel(pixels.shape[2], settings.alpha)
-    if channels.start == alpha and not np.array_equal(target[..., alpha], pixels[..., alpha]):
-        tell_opacity()
 
 
 @kernel
