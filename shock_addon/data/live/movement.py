@@ -9,9 +9,16 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ....core.host.live.movement import Marks, is_fitting, marks_of, movement, places
+from ....core.host.live.movement import (
+    Connectivity,
+    Marks,
+    digests,
+    is_fitting,
+    marks_of,
+    movement,
+)
 from .. import LIVE_STAMP, MOVE, arrays
-from ..mesh import colors, geometry, painted, shading
+from ..mesh import colors, geometry, meshes, painted, shading
 from ..mesh.targets import MeshTarget, find
 from ..skipped import Skipped
 from . import nodes, stacks
@@ -27,6 +34,7 @@ _KINDS = {
     nodes.VERTEX: ("INT", "POINT"),
     nodes.COUNTS: ("FLOAT_VECTOR", "POINT"),
     nodes.ENDS: ("INT", "EDGE"),
+    nodes.FACES: ("FLOAT", "FACE"),
     nodes.PLACE: ("INT", "POINT"),
 }
 _SHARP = "BOOLEAN", "EDGE"
@@ -89,21 +97,30 @@ def state(obj: bpy.types.Object) -> str:
     marks = _read_marks(mesh)
     if marks is None:
         return NONE if MOVE not in mesh.attributes else STALE
-    ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
-    if not is_fitting(marks, ends, len(mesh.polygons)):
+    if not is_fitting(marks, connectivity(mesh)):
         return STALE
     try:
         positions = geometry.source(obj, geometry.Place("LIVE", obj.mode, "KEEP", None))
     except Skipped:
         return MOVED
-    return FRESH if (places(positions) == marks.places).all() else MOVED
+    return FRESH if (digests(positions) == marks.places).all() else MOVED
+
+
+def connectivity(mesh: bpy.types.Mesh) -> Connectivity:
+    """Read what is connected in a mesh."""
+    if len(mesh.loops) == 3 * len(mesh.polygons):
+        starts = np.arange(0, len(mesh.loops), 3, dtype=np.int32)
+    else:
+        starts = arrays.read(mesh.polygons, "loop_start", dtype=np.int32)
+    ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
+    return Connectivity(ends, meshes.read_corner_vertices(mesh), starts)
 
 
 def _write_attributes(
     mesh: bpy.types.Mesh, old: npt.NDArray[np.float32], new: npt.NDArray[np.float32]
 ) -> None:
-    marks = marks_of(old, arrays.read_attribute(mesh.attributes[".edge_verts"]), len(mesh.polygons))
-    values = (marks.vertices, marks.counts, marks.edges, marks.places)
+    marks = marks_of(old, connectivity(mesh))
+    values = (marks.vertices, marks.counts, marks.edges, marks.faces, marks.places)
     _write(mesh, MOVE, ("FLOAT_VECTOR", "POINT"), movement(old, new))
     for (name, kind), each in zip(_KINDS.items(), values, strict=True):
         _write(mesh, name, kind, each)

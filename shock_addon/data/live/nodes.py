@@ -13,22 +13,24 @@ from typing import Any
 
 import bpy
 
+from ....core.host.live.movement import ROUNDING
 from .. import LIVE_STAMP, MOVE
 
 NAME = "Shock Filter"
-VERSION = 1
+VERSION = 2
 """Of the nodes; a group that is newer or older is left to the objects that have it."""
 
-VERTEX, COUNTS, ENDS, PLACE, SHARP = (
+VERTEX, COUNTS, ENDS, FACES, PLACE, SHARP = (
     ".shock_vertex",
     ".shock_counts",
     ".shock_ends",
+    ".shock_faces",
     ".shock_place",
     ".shock_sharp",
 )
 """Attributes: marks of the movement (`core.host.live.movement.Marks`), and edges to be sharp."""
 
-ATTRIBUTES = (MOVE, VERTEX, COUNTS, ENDS, PLACE, SHARP)
+ATTRIBUTES = (MOVE, VERTEX, COUNTS, ENDS, FACES, PLACE, SHARP)
 """All of these, with the movement."""
 
 AMOUNT, MASK, MARK_SHARP = "Amount", "Mask", "Mark Sharp"
@@ -76,12 +78,12 @@ def _build(tree: bpy.types.NodeTree) -> None:
     draw.link(draw.named(SHARP, "BOOLEAN", 5), sharp.inputs["Selection"])
     marked = draw.switch(7, given.outputs[MARK_SHARP], moved.outputs["Geometry"], sharp.outputs[0])
 
-    result = draw.switch(8, fitting, mesh, marked)
+    result = draw.switch(9, fitting, mesh, marked)
     for column, name in enumerate(ATTRIBUTES):  # applying the modifier leaves nothing behind
-        remove = draw.node("GeometryNodeRemoveAttribute", 9 + column, Geometry=result)
+        remove = draw.node("GeometryNodeRemoveAttribute", 10 + column, Geometry=result)
         remove.inputs["Name"].default_value = name
         result = remove.outputs["Geometry"]
-    draw.node("NodeGroupOutput", 9 + len(ATTRIBUTES), Geometry=result)
+    draw.node("NodeGroupOutput", 10 + len(ATTRIBUTES), Geometry=result)
 
 
 def _add_sockets(tree: bpy.types.NodeTree) -> None:
@@ -127,13 +129,20 @@ def _fitting(draw: _Drawing, mesh: Any) -> Any:
     draw.link(draw.named(ENDS, "INT", 3), _socket(cut, "B", "VALUE"))
     _socket(cut, "Epsilon", "VALUE").default_value = 0.0
 
+    mean = draw.node("GeometryNodeFieldOnDomain", 3, {"data_type": "FLOAT", "domain": "FACE"})
+    draw.link(draw.named(VERTEX, "FLOAT", 2), _socket(mean, "Value", "VALUE"))
+    other = draw.node("FunctionNodeCompare", 4, {"data_type": "FLOAT", "operation": "NOT_EQUAL"})
+    draw.link(_enabled(mean.outputs, "Value"), _socket(other, "A", "VALUE"))
+    draw.link(draw.named(FACES, "FLOAT", 3), _socket(other, "B", "VALUE"))
+    _socket(other, "Epsilon", "VALUE").default_value = ROUNDING
+
     sums = []
-    for domain, wrong in (("POINT", others), ("EDGE", cut)):
+    for domain, wrong in (("POINT", others), ("EDGE", cut), ("FACE", other)):
         count = draw.node("GeometryNodeAttributeStatistic", 5, {"domain": domain}, Geometry=mesh)
         draw.link(wrong.outputs["Result"], _socket(count, "Attribute", "VALUE"))
         sums.append(_enabled(count.outputs, "Sum"))
-    faults = draw.math("ADD", 6, *sums)
-    none = draw.node("FunctionNodeCompare", 7, {"data_type": "FLOAT", "operation": "LESS_THAN"})
+    faults = draw.math("ADD", 7, draw.math("ADD", 6, *sums[:2]), sums[2])
+    none = draw.node("FunctionNodeCompare", 8, {"data_type": "FLOAT", "operation": "LESS_THAN"})
     draw.link(faults, _socket(none, "A", "VALUE"))
     _socket(none, "B", "VALUE").default_value = 0.5
     return none.outputs["Result"]

@@ -12,6 +12,7 @@ import bpy
 
 from ....core.base.memo import equal
 from .. import arrays
+from ..skipped import Skipped
 from .targets import MeshTarget, find
 from .vertex_groups import carry
 
@@ -30,6 +31,11 @@ def copied(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
     ----------
     obj : bpy.types.Object
         In Object Mode.
+
+    Raises
+    ------
+    Skipped
+        If Blender does not evaluate it.
     """
     copy = _copy(obj)
     try:
@@ -136,8 +142,16 @@ def _contents(mesh: bpy.types.Mesh) -> dict[str, Any]:
 
 def _copy(obj: bpy.types.Object) -> bpy.types.Object:
     graph = bpy.context.evaluated_depsgraph_get()
+    seen = obj.evaluated_get(graph)
+    if not seen.is_evaluated and (obj.modifiers or obj.data.shape_keys is not None):
+        raise Skipped(
+            "Blender does not evaluate {name}, which is disabled in viewports or in a collection"
+            " that is excluded; enable it, and hide it with H instead",
+            name=obj.name,
+        )
+    # Blender evaluates the modifiers once more to preserve weights, which it may have left out.
     mesh = bpy.data.meshes.new_from_object(
-        obj.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph
+        seen, preserve_all_data_layers=bool(obj.vertex_groups), depsgraph=graph
     )
     new = obj.copy()
     new.modifiers.clear()
