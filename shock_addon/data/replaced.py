@@ -18,7 +18,7 @@ from . import arrays, shown
 from .chosen import subjects
 from .image import images, textures
 from .image.tiles import Tiles
-from .live.nodes import ATTRIBUTES
+from .live import color_nodes, nodes
 from .mesh import shape_keys, visible
 from .mesh.meshes import check_leaving, object_mode
 from .mesh.original import color_attribute
@@ -60,7 +60,8 @@ class MeshSwap:
         obj = find(target)
         self.name, self.uids = obj.name, {target.object_uid}
         self._mesh = target.mesh_uid
-        self._attributes = ["position", "sharp_edge", "custom_normal", *ATTRIBUTES]
+        self._attributes = ["position", "sharp_edge", "custom_normal", *nodes.ATTRIBUTES]
+        self._attributes += color_nodes.ATTRIBUTES
         if color := color_attribute(target):
             self._attributes.append(color)
         self._before = self._after = self._read(obj.data)

@@ -184,6 +184,21 @@ _MESH_OUTPUT = _output(
     ),
 )
 
+_COLORS_OUTPUT = _output(
+    ("AUTO", "Auto", "Live where the colors are live already; else Mesh", 3),
+    ("MESH", "Mesh", "Replace the colors", 0),
+    (
+        "LIVE",
+        "Live",
+        "Keep the colors, and let a modifier of Geometry Nodes change them, by an amount that can"
+        " be changed later and animated",
+        4,
+    ),
+)
+
+OUTPUTS_OF_COLORS = ("AUTO", "MESH", "LIVE")
+"""Outputs that colors have, of those of shapes; with others the colors are replaced."""
+
 _TEXTURE_IMAGE = {
     "name": "Image",
     "description": "Texture to work on. Empty takes the one in the Image Editor, the one that is"
@@ -383,6 +398,7 @@ _PLACES = {
         " normals. They follow the flow of the base color, so that borders lie in the same places"
     ),
     "geometry output": _MESH_OUTPUT,
+    "colors output": _COLORS_OUTPUT,
     "both output": _MESH_OUTPUT,
     "output": _output(
         ("NEW", "New Image", "Keep the image and put the new one beside it"),

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import shock_filter
 from shock_filter.shock_addon.data.chosen import is_live, live_modifier
-from shock_filter.shock_addon.data.live import nodes, stacks
+from shock_filter.shock_addon.data.live import graph, stacks
 from shock_filter.shock_addon.data.mesh.meshes import read_positions
 
 SMALL, LARGE = 100, 6000
@@ -222,7 +222,7 @@ def save_and_open(editing, obj):
 
 def amount(editing, obj):
     if live_modifier(obj) is not None:
-        stacks.write_input(live_modifier(obj), nodes.AMOUNT, editing.random.uniform(-1, 2))
+        stacks.write_input(live_modifier(obj), graph.AMOUNT, editing.random.uniform(-1, 2))
 
 
 def paint(editing, obj):
