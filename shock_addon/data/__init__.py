@@ -18,6 +18,9 @@ LIVE_STAMP = "shock_filter_live"
 LIVE_COLORS = "shock_filter_live_colors"
 """The same for live colors."""
 
+LIVE_TEXTURE = "shock_filter_live_texture"
+"""Key of the version in the node group of live textures."""
+
 LIVE_SOURCE = "shock_filter_source"
 """Key of the source of a live copy among the properties of the object."""
 

@@ -16,7 +16,7 @@ from ...core.base.memo import equal
 from ...core.host import forgetting
 from . import arrays, shown
 from .chosen import subjects
-from .image import images, textures
+from .image import images, mixing, textures
 from .image.tiles import Tiles
 from .live import color_nodes, nodes
 from .mesh import shape_keys, visible
@@ -207,6 +207,23 @@ class ImageSwap:
         only = None if state == BEFORE else self._editors
         self._editors = shown.replace(other, image, only)
         textures.assign(self._objects, other, image)
+
+
+class MixSwap(ImageSwap):
+    """An image that a run has added, and that materials mix with the old one."""
+
+    def state(self) -> str:
+        """Return which of both is mixed in now; see `MeshSwap`."""
+        mixed = {node.image.session_uid for node in self._nodes() if node.image is not None}
+        return next((state for state in (AFTER, BEFORE) if self._images[state] in mixed), "")
+
+    def write(self, state: str) -> None:
+        """Mix in one of both; with itself the old one is as it was."""
+        for node in self._nodes():
+            node.image = _image(self._images[state])
+
+    def _nodes(self) -> list[bpy.types.ShaderNodeTexImage]:
+        return mixing.results(self._objects, _image(self._images[BEFORE]))
 
 
 class ObjectSwap:
