@@ -233,7 +233,7 @@ def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) 
         image.prop(parameters, "add_node")
         return
     kind = mode.target(parameters).data
-    if kind.paints and not kind.moves:
+    if kind.paints and not kind.moves and mode.data.moves:
         outputs = column.column(align=True)
         for value in OUTPUTS_OF_COLORS:
             outputs.prop_enum(parameters, "output", value)

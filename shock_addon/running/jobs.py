@@ -7,7 +7,6 @@ The work must not use bpy. Its result is applied on the main thread.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,11 +17,8 @@ from .status import StatusText
 
 Work = Callable[[Callable[[float, str], bool]], Any]
 
-_LOOK = 0.02
+_INTERVAL = 0.03
 """Seconds between two looks whether a job has ended."""
-
-_SHOW = 0.1
-"""Seconds between two changes of the status text."""
 
 _SETTLED = 0.3
 """Seconds after which each window has had an event from a timer."""
@@ -100,8 +96,7 @@ class _Wait:
         self.operator = operator
         self.job = Job(work)
         self._status = StatusText()
-        self._shown = 0.0
-        self._timer = context.window_manager.event_timer_add(_LOOK, window=context.window)
+        self._timer = context.window_manager.event_timer_add(_INTERVAL, window=context.window)
         _waits.append(self)
 
     @property
@@ -110,10 +105,7 @@ class _Wait:
         return is_freed(self.operator)
 
     def show(self, context: bpy.types.Context) -> None:
-        """Show the progress, not too often."""
-        if time.monotonic() < self._shown + _SHOW:
-            return
-        self._shown = time.monotonic()
+        """Show the progress."""
         status = iface_("{message}: {fraction:.0%} (Esc cancels)").format(
             message=iface_(self.job.message), fraction=self.job.fraction
         )

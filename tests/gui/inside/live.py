@@ -18,12 +18,14 @@ from harness import (
     over,
     park,
     picture,
+    region,
     report,
     run,
     running,
 )
 
 STEPS = 20
+DABS = 20
 
 
 def scenario() -> Steps:
@@ -100,16 +102,17 @@ def follow(name: str) -> Steps:
     with over():
         bpy.ops.shock_filter.auto_update_live()
     seen["seconds"] = []
-    for _ in range(3):
+    for _ in range(6):
+        start = time.monotonic()
         bpy.data.objects[name].location.x -= 0.1
         bpy.context.view_layer.update()
-        start = time.monotonic()
         seen["noticed"] = live().state(bpy.data.objects[copy])
         while live().state(bpy.data.objects[copy]) != "fresh" or running():
             if time.monotonic() > start + 90.0:
                 raise TimeoutError("The copy does not follow.")
             yield 0.02
         seen["seconds"].append(time.monotonic() - start)
+        yield DRAWN
     seen["after"] = seen_state(copy)
     yield DRAWN
     picture("live-followed", area("VIEW_3D"), width=1400)
@@ -156,6 +159,49 @@ def paint() -> Steps:
     yield DRAWN
     seen["mode"] = bpy.context.mode
     seen["same"] = seen_state(name)["positions"] == before["positions"]
+    seen["frames"] = {}
+    modifier = bpy.context.object.modifiers["Shock Filter"]
+    bpy.context.tool_settings.weight_paint.brush.weight = 0.0
+    for name in ("warm", "live", "plain", "live", "plain"):  # plain: without the modifier
+        modifier.show_viewport = name != "plain"
+        yield DRAWN
+        seen["frames"].setdefault(name, []).extend(stroke())
+    modifier.show_viewport = True
+    yield DRAWN
     picture("live-painting", area("VIEW_3D"), width=1400)
     bpy.ops.object.mode_set(mode="OBJECT")
+    seen["moved"] = moved_outside(bpy.data.objects[report["made"]["name"]])
     seen["module"] = MODULE
+
+
+def stroke() -> list[float]:
+    """Paint a stroke across the object; return the seconds of each dab with its frame."""
+    view = region("VIEW_3D")
+    found = []
+    for number in range(DABS):
+        share = (number + 0.5) / DABS
+        place = (view.width * (0.35 + 0.3 * share), view.height * 0.5)
+        dab = {"name": "", "location": (0, 0, 0), "mouse": place, "mouse_event": place}
+        dab |= {"pressure": 1.0, "size": 40.0, "pen_flip": False, "time": 0.0, "is_start": True}
+        dab |= {"x_tilt": 0.0, "y_tilt": 0.0}
+        start = time.perf_counter()
+        with over():
+            bpy.ops.paint.weight_paint(stroke=[dab])
+            bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
+        found.append(time.perf_counter() - start)
+    return found
+
+
+def moved_outside(obj: bpy.types.Object) -> dict:
+    """Count the vertices that were painted out, and how many of these move."""
+    bpy.context.view_layer.update()
+    mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    weights = np.array([sum(each.weight for each in v.groups) for v in obj.data.vertices])
+    places = []
+    for each in (obj.data, mesh):
+        points = np.empty(3 * len(each.vertices), np.float32)
+        each.attributes["position"].data.foreach_get("vector", points)
+        places.append(points.reshape(-1, 3))
+    moves = (places[0] != places[1]).any(axis=1)
+    return {"out": int((weights == 0).sum()), "moved": int((moves & (weights == 0)).sum()),
+            "shown": int(moves.sum())}  # fmt: skip
