@@ -45,7 +45,7 @@ def _build(data_type: str, domain: str, tree: bpy.types.NodeTree) -> None:
 
     before = graph.enabled(old.outputs, "Attribute")
     scaled = draw.node("ShaderNodeVectorMath", 4, {"operation": "SCALE"})
-    draw.link(draw.named(DIFFERENCE, "FLOAT_COLOR", 3), scaled.inputs["Vector"])
+    draw.link(draw.named(DIFFERENCE, "FLOAT_VECTOR", 3), scaled.inputs["Vector"])
     draw.link(graph.share(draw, given), scaled.inputs["Scale"])
     added = draw.node("ShaderNodeVectorMath", 5, {"operation": "ADD"})
     draw.link(before, added.inputs[0])

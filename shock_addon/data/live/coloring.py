@@ -42,11 +42,11 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
     attribute = mesh.color_attributes[target.place]
     data_type, domain = attribute.data_type, attribute.domain
     values = arrays.read_attribute(attribute)
-    old = arrays.read(attribute.data, "color", 4)
+    old = arrays.read(attribute.data, "color", 4)[:, :3]
     new = values.copy()
     new[:, :3] = result.colors
     difference = movement(old, _in_linear_light(mesh, data_type, domain, new))
-    place = arrays.find_or_add_attribute(mesh, DIFFERENCE, "FLOAT_COLOR", domain)
+    place = arrays.find_or_add_attribute(mesh, DIFFERENCE, "FLOAT_VECTOR", domain)
     arrays.write_attribute(place, difference)
     found = marks_of(meshes.read_positions(mesh), marks.connectivity(mesh))
     marks.write(mesh, marks.COLORS, replace(found, places=digests(values)), domain)
@@ -102,10 +102,10 @@ def _in_linear_light(
 ) -> npt.NDArray[np.float32]:
     # As Blender converts what is stored: rounded to bytes, where they are.
     if data_type != "BYTE_COLOR":
-        return values.astype(np.float32)
+        return values[:, :3].astype(np.float32)
     place = mesh.attributes.new(_LINEAR, data_type, domain)
     name = place.name
     arrays.write_attribute(place, values)
-    linear = arrays.read(place.data, "color", 4)
+    linear = arrays.read(place.data, "color", 4)[:, :3]
     mesh.attributes.remove(mesh.attributes[name])
     return linear

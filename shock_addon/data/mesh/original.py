@@ -138,7 +138,7 @@ def show(target: MeshTarget, original: Original, result: Any) -> None:
 def _put_away_live_colors(mesh: bpy.types.Mesh) -> None:
     colors = mesh.attributes.get(DIFFERENCE)
     if colors is not None and arrays.is_readable(colors):  # they would come on top
-        arrays.write_attribute(colors, np.zeros((len(colors.data), 4), dtype=np.float32))
+        arrays.write_attribute(colors, np.zeros((len(colors.data), 3), dtype=np.float32))
 
 
 def _show_shape(target: MeshTarget, original: Original, result: Reshaped) -> None:

@@ -161,7 +161,7 @@ def paint() -> Steps:
     seen["same"] = seen_state(name)["positions"] == before["positions"]
     seen["frames"] = {}
     modifier = bpy.context.object.modifiers["Shock Filter"]
-    bpy.context.tool_settings.weight_paint.brush.weight = 0.0
+    take_brush()
     for name in ("warm", "live", "plain", "live", "plain"):  # plain: without the modifier
         modifier.show_viewport = name != "plain"
         yield DRAWN
@@ -172,6 +172,21 @@ def paint() -> Steps:
     bpy.ops.object.mode_set(mode="OBJECT")
     seen["moved"] = moved_outside(bpy.data.objects[report["made"]["name"]])
     seen["module"] = MODULE
+
+
+def take_brush() -> None:
+    """Take a brush that paints with weight 0."""
+    tools = bpy.context.tool_settings
+    if tools.weight_paint.brush is None:  # Debian's Blender comes without brushes
+        bpy.data.brushes.new("Out", mode="WEIGHT_PAINT").asset_mark()
+        with over():
+            bpy.ops.brush.asset_activate(
+                asset_library_type="LOCAL", relative_asset_identifier="Brush/Out"
+            )
+    in_5 = getattr(tools.weight_paint, "unified_paint_settings", None)
+    for owner in (in_5 or tools.unified_paint_settings, tools.weight_paint.brush):
+        owner.weight, owner.size = 0.0, 40
+        owner.strength = 1.0
 
 
 def stroke() -> list[float]:
