@@ -97,9 +97,7 @@ class MeshOperator(FilterOperator):
         return data.chosen.live_source(obj) if self._is_live(obj) else None
 
     def _write_live(self, target: Any, result: Any) -> bpy.types.Object:
-        write = data.live.copies.write if target.is_seen else data.live.movement.write
-        if not self.kind.moves:
-            write = data.live.coloring.write
+        write = data.live.copies.write if target.is_seen else data.live.results.write
         obj = write(target, result)
         values = {name: getattr(self, name) for name in self.row.names_for(self)}
         values["output"] = "LIVE"

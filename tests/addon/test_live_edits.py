@@ -123,7 +123,9 @@ class Editing:
     def check_colors(self, obj, shown, name):
         for before in obj.data.color_attributes:
             after = shown.color_attributes[before.name]
-            assert len(after.data) == len(before.data), name
+            if after.domain != before.domain:  # it was converted, and is shown as it was
+                assert coloring.state(obj) == "moved", name
+                continue
             values = [arrays.read_attribute(each) for each in (before, after)]
             assert np.isfinite(values[1]).all(), name
             if coloring.state(obj) in ("stale", ""):

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         movement,
         nodes,
         recipes,
+        results,
         stacks,
         watching,
     )

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ....core.host.live.movement import digests, is_fitting, marks_of, movement
 from .. import LIVE_STAMP, MOVE, arrays
 from ..chosen import live_modifier
-from ..mesh import colors, geometry, painted, shading
+from ..mesh import geometry, shading
 from ..mesh.targets import MeshTarget, find
 from ..skipped import Skipped
 from . import marks, nodes, stacks
@@ -27,28 +27,20 @@ connectivity, so that it is not applied; or there is none."""
 _SHARP = "BOOLEAN", "EDGE"
 
 
-def write(target: MeshTarget, result: Any) -> bpy.types.Object:
+def write(target: MeshTarget, result: Reshaped) -> bpy.types.Object:
     """Write a result as a movement, and put the modifier on all objects that show the mesh.
 
     Parameters
     ----------
     target : MeshTarget
-        As `geometry.read_geometry` or `painted.read_painted` read it.
-    result : object
-        Of the filter; colors are written as a difference.
+        As `geometry.read_geometry` read it.
+    result : Reshaped
 
     Raises
     ------
     Skipped
         If the object was removed or its shape has changed since it was read.
     """
-    if isinstance(target.place, tuple):
-        shape, paint = painted.split(target)
-        colors.check_unchanged(find(target), paint)
-        write(shape, result.shape)
-        from . import coloring
-
-        return coloring.write(paint, result.paint)
     obj = find(target)
     stacks.check(obj)
     old = target.surface.positions
