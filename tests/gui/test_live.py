@@ -30,6 +30,7 @@ def test_the_copy_follows_its_source(report, capsys):
         seconds = ", ".join(f"{each:.2f}" for each in seen["seconds"])
         print(f"\nby hand: {seen['by_hand']:.2f} s; by itself: {seconds} s")
     assert seen["noticed"] == "moved"
+    assert set(seen["states"]) == {"fresh"}
     assert seen["after"]["positions"] != seen["before"]["positions"]
 
 

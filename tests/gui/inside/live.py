@@ -9,11 +9,15 @@ import scene
 from harness import (
     DRAWN,
     MODULE,
+    PICTURES,
     Steps,
     addon,
     area,
+    button,
+    crop,
     fingerprint,
     finished,
+    move,
     open_tab,
     over,
     park,
@@ -21,16 +25,17 @@ from harness import (
     region,
     report,
     run,
-    running,
 )
 
 STEPS = 20
 DABS = 20
+LOOP = PICTURES / "live-loop"
 
 
 def scenario() -> Steps:
     """Go through them."""
     bpy.context.preferences.edit.undo_steps = 3 * STEPS
+    LOOP.mkdir()
     scene.clear()
     operand = add_stack()
     scene.look()
@@ -83,6 +88,7 @@ def make_copy() -> Steps:
     run("sharpen_geometry", output="LIVE")
     yield from finished()
     copy = bpy.context.object
+    copy.select_set(False)  # its outline would hide the creases
     seen["name"], seen["state"] = copy.name, live().state(copy)
     seen["vertices"] = len(copy.data.vertices)
     seen["modifiers"] = [each.name for each in copy.modifiers]
@@ -101,18 +107,23 @@ def follow(name: str) -> Steps:
     seen["by_hand"] = time.monotonic() - start
     with over():
         bpy.ops.shock_filter.auto_update_live()
-    seen["seconds"] = []
+    seen["seconds"], seen["states"] = [], []
+    yield from record(3)
     for _ in range(6):
         start = time.monotonic()
         bpy.data.objects[name].location.x -= 0.1
         bpy.context.view_layer.update()
         seen["noticed"] = live().state(bpy.data.objects[copy])
-        while live().state(bpy.data.objects[copy]) != "fresh" or running():
+        mesh = bpy.data.objects[copy].data.session_uid
+        while bpy.data.objects[copy].data.session_uid == mesh:  # asking for its state takes long
             if time.monotonic() > start + 90.0:
                 raise TimeoutError("The copy does not follow.")
             yield 0.02
         seen["seconds"].append(time.monotonic() - start)
         yield DRAWN
+        yield from finished()
+        seen["states"].append(live().state(bpy.data.objects[copy]))
+        yield from record(3)
     seen["after"] = seen_state(copy)
     yield DRAWN
     picture("live-followed", area("VIEW_3D"), width=1400)
@@ -162,10 +173,11 @@ def paint() -> Steps:
     seen["frames"] = {}
     modifier = bpy.context.object.modifiers["Shock Filter"]
     take_brush()
-    for name in ("warm", "live", "plain", "live", "plain"):  # plain: without the modifier
-        modifier.show_viewport = name != "plain"
+    for row, name in enumerate(("warm", "live", "plain", "live", "plain")):
+        modifier.show_viewport = name != "plain"  # plain: Blender's painting alone
         yield DRAWN
-        seen["frames"].setdefault(name, []).extend(stroke())
+        frames = yield from stroke(0.35 + 0.02 * row)
+        seen["frames"].setdefault(name, []).extend(frames)
     modifier.show_viewport = True
     yield DRAWN
     picture("live-painting", area("VIEW_3D"), width=1400)
@@ -189,22 +201,35 @@ def take_brush() -> None:
         owner.strength = 1.0
 
 
-def stroke() -> list[float]:
-    """Paint a stroke across the object; return the seconds of each dab with its frame."""
+def stroke(height: float) -> Steps:
+    """Paint a stroke across the object; the generator returns the seconds between frames."""
+    drawn: list[float] = []
+    handler = bpy.types.SpaceView3D.draw_handler_add(
+        lambda: drawn.append(time.perf_counter()), (), "WINDOW", "POST_PIXEL"
+    )
     view = region("VIEW_3D")
-    found = []
-    for number in range(DABS):
-        share = (number + 0.5) / DABS
-        place = (view.width * (0.35 + 0.3 * share), view.height * 0.5)
-        dab = {"name": "", "location": (0, 0, 0), "mouse": place, "mouse_event": place}
-        dab |= {"pressure": 1.0, "size": 40.0, "pen_flip": False, "time": 0.0, "is_start": True}
-        dab |= {"x_tilt": 0.0, "y_tilt": 0.0}
-        start = time.perf_counter()
-        with over():
-            bpy.ops.paint.weight_paint(stroke=[dab])
-            bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
-        found.append(time.perf_counter() - start)
+    x, y = view.x + view.width * 0.35, view.y + view.height * height
+    move(x, y)
+    yield 0.3
+    button("mousedown")
+    yield 0.1
+    drawn.clear()
+    for step in range(DABS):
+        move(x + step * 0.15 * view.width / DABS, y)
+        yield 0.03
+    found = np.diff(drawn).tolist()
+    button("mouseup")
+    yield DRAWN
+    bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
     return found
+
+
+def record(count: int) -> Steps:
+    """Keep so many pictures of the 3D view."""
+    for _ in range(count):
+        number = len(list(LOOP.glob("*.npy")))
+        np.save(LOOP / f"{number:03}.npy", crop(area("VIEW_3D"))[::-1])
+        yield 0.2
 
 
 def moved_outside(obj: bpy.types.Object) -> dict:
