@@ -78,9 +78,10 @@ class TextureOperator(OneImageOperator):
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
         """Show it in the materials, with Assign; beside the old one with Live."""
         if self.output == "LIVE":
-            mask = bpy.data.images.get(self.mask_image)
+            mask = bpy.data.images.get(getattr(self, "mask_image", ""))
+            is_inverted = getattr(self, "invert_mask", False)
             with data.mesh.meshes.object_mode(bpy.context):
-                data.image.mixing.show(target.objects, source, image, mask, self.invert_mask)
+                data.image.mixing.show(target.objects, source, image, mask, is_inverted)
         elif self.assign:
             data.image.mixing.remove(target.objects, source)
             # Texture Paint Mode looks for the materials' images when it is entered.

@@ -472,6 +472,61 @@ def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path, monkeypa
     assert automatic.due() == [copy]
 
 
+def test_a_change_meanwhile_ends_an_update(joined_cubes, monkeypatch):
+    _, operand = joined_cubes
+    sharpen(output="LIVE")
+    asked = []
+    automatic._look()
+    job = SimpleNamespace(cancel=lambda: asked.append("cancel"))
+    monkeypatch.setattr(automatic, "_job", job)
+    monkeypatch.setattr(automatic.jobs, "current", lambda: job)
+    automatic._look()
+    assert not asked
+    operand.location.x = 0.7
+    bpy.context.view_layer.update()
+    assert automatic._look() == pytest.approx(0.3, abs=0.1)
+    assert asked == ["cancel"]
+
+
+@pytest.mark.parametrize("how", ["object", "collection"])
+def test_copies_follow_a_source_that_is_disabled(joined_cubes, how):
+    cube, operand = joined_cubes
+    sharpen(output="LIVE")
+    copy = bpy.context.object
+    if how == "object":
+        cube.hide_viewport = True
+    else:
+        collection = bpy.data.collections.new("Away")
+        bpy.context.scene.collection.children.link(collection)
+        for other in list(cube.users_collection):
+            other.objects.unlink(cube)
+        collection.objects.link(cube)
+        bpy.context.view_layer.layer_collection.children["Away"].exclude = True
+    before = read_positions(copy.data)
+    operand.location.x = 0.7
+    bpy.context.view_layer.update()
+    assert live.state(copy) == "moved"
+    live.update(copy)
+    after = read_positions(copy.data)
+    assert len(after) > 1000 and after.tobytes() != before.tobytes()
+    assert live.state(copy) == "fresh"
+
+
+@pytest.mark.parametrize("has_groups", [True, False])
+def test_layers_of_a_source_are_in_its_live_copy(joined_cubes, has_groups):
+    cube, _ = joined_cubes
+    cube.modifiers.remove(cube.modifiers["Remesh"])
+    cube.data.color_attributes.new("Paint", "BYTE_COLOR", "CORNER")
+    cube.data.attributes.new("own", "FLOAT", "FACE")
+    cube.data.uv_layers.new(name="Second")
+    if has_groups:
+        cube.vertex_groups.new(name="Some").add([0, 1], 0.5, "REPLACE")
+    sharpen(output="LIVE", where="everywhere")
+    mesh = bpy.context.object.data
+    assert {"Paint", "own", "UVMap", "Second"} <= set(mesh.attributes.keys())
+    assert any(len(vertex.groups) for vertex in mesh.vertices) == has_groups
+
+
 def test_painting_where(rounded_box):
     box = rounded_box()
     sharpen(output="LIVE")

@@ -137,3 +137,11 @@ def test_normal_maps_are_known_behind_the_mix(wood):
     sharpen(output="LIVE")
     assert live_mix(node_of(wood)) is not None
     assert normals_in(bpy.context, wood) == "normals"
+
+
+@pytest.mark.parametrize("name", ["dilate", "denoise", "filter", "fill"])
+def test_other_filters_of_textures_have_it_too(wood, name):
+    getattr(bpy.ops.shock_filter, f"{name}_texture")(output="LIVE")
+    found = mixing.results(["Plane"], wood)
+    assert [node.image for node in found] != [wood]
+    assert node_of(wood).image == wood

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -12,9 +12,10 @@ import bpy
 
 from ....core.base.memo import equal
 from .. import arrays
-from ..skipped import Skipped
 from .targets import MeshTarget, find
 from .vertex_groups import carry
+
+_NAME = "shock_filter"
 
 _WRITTEN = ("position", "sharp_edge", "custom_normal")
 """Attributes that a run may change, besides colors."""
@@ -31,11 +32,6 @@ def copied(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
     ----------
     obj : bpy.types.Object
         In Object Mode.
-
-    Raises
-    ------
-    Skipped
-        If Blender does not evaluate it.
     """
     copy = _copy(obj)
     try:
@@ -141,24 +137,50 @@ def _contents(mesh: bpy.types.Mesh) -> dict[str, Any]:
 
 
 def _copy(obj: bpy.types.Object) -> bpy.types.Object:
-    graph = bpy.context.evaluated_depsgraph_get()
-    seen = obj.evaluated_get(graph)
-    if not seen.is_evaluated and (obj.modifiers or obj.data.shape_keys is not None):
-        raise Skipped(
-            "Blender does not evaluate {name}, which is disabled in viewports or in a collection"
-            " that is excluded; enable it, and hide it with H instead",
-            name=obj.name,
+    with _evaluated(obj) as (seen, graph):
+        # Blender evaluates the modifiers once more to preserve weights, which it may have left out.
+        mesh = bpy.data.meshes.new_from_object(
+            seen, preserve_all_data_layers=bool(obj.vertex_groups), depsgraph=graph
         )
-    # Blender evaluates the modifiers once more to preserve weights, which it may have left out.
-    mesh = bpy.data.meshes.new_from_object(
-        seen, preserve_all_data_layers=bool(obj.vertex_groups), depsgraph=graph
-    )
     new = obj.copy()
     new.modifiers.clear()
     new.data = mesh
     if new.parent_type in _DEFORMING:
         new.parent_type = "OBJECT"
     return new
+
+
+@contextmanager
+def _evaluated(
+    obj: bpy.types.Object,
+) -> Iterator[tuple[bpy.types.Object, bpy.types.Depsgraph]]:
+    """Give an object as it is evaluated, in a scene of its own where it is not otherwise."""
+    if _is_evaluated(obj):
+        graph = bpy.context.evaluated_depsgraph_get()
+        yield obj.evaluated_get(graph), graph
+        return
+    with ExitStack() as stack:
+        other = obj.copy()
+        stack.callback(bpy.data.objects.remove, other)
+        other.hide_viewport = False
+        scene = bpy.data.scenes.new(_NAME)
+        stack.callback(bpy.data.scenes.remove, scene)
+        scene.frame_set(bpy.context.scene.frame_current)
+        scene.collection.objects.link(other)
+        layer = scene.view_layers[0]
+        layer.update()
+        yield other.evaluated_get(layer.depsgraph), layer.depsgraph
+
+
+def _is_evaluated(obj: bpy.types.Object) -> bool:
+    # Blender leaves out what is disabled, but not what is hidden.
+    layer = bpy.context.view_layer
+    if obj.hide_viewport or obj.name not in layer.objects:
+        return False
+    collections = [layer.layer_collection]
+    for each in collections:
+        collections += each.children
+    return any(each.is_visible and obj.name in each.collection.objects for each in collections)
 
 
 def _remove(new: bpy.types.Object) -> None:
