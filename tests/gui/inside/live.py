@@ -43,8 +43,8 @@ def scenario() -> Steps:
     yield from park()
     yield from make_copy()
     yield from follow(operand.name)
-    yield from undo_and_redo()
     yield from paint()
+    yield from undo_and_redo()
 
 
 def add_stack() -> bpy.types.Object:
@@ -109,7 +109,7 @@ def follow(name: str) -> Steps:
         bpy.ops.shock_filter.auto_update_live()
     seen["seconds"], seen["states"] = [], []
     yield from record(3)
-    for _ in range(6):
+    for _ in range(4):
         start = time.monotonic()
         bpy.data.objects[name].location.x -= 0.1
         bpy.context.view_layer.update()
@@ -133,6 +133,9 @@ def undo_and_redo() -> Steps:
     """Undo and redo, with Auto Update, which must not end that."""
     seen = report["undone"] = {}
     name = report["made"]["name"]
+    bpy.data.objects["Part"].modifiers["Remesh"].voxel_size = 0.08  # many steps
+    with over():
+        bpy.ops.shock_filter.update_live("EXEC_DEFAULT", True)
     amount = [each for each in bpy.data.node_groups if "shock_filter_live" in each]
     seen["groups"] = len(amount)
     yield DRAWN
