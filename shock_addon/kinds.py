@@ -194,7 +194,7 @@ DATA = {
     ),
     "colors": Data(
         "meshes",
-        ("attribute", *_WHERE, "weld"),
+        ("attribute", *_WHERE, "output", "weld"),
         filter_colors,
         read_colors,
         write_colors,

@@ -15,11 +15,20 @@ PICTURES = ("image_2", "image_3", "image_4")
 LIVE_STAMP = "shock_filter_live"
 """Key of the version in the node group of live results, and of how they were made in meshes."""
 
+LIVE_COLORS = "shock_filter_live_colors"
+"""The same for live colors."""
+
+LIVE_TEXTURE = "shock_filter_live_texture"
+"""Key of the version in the node group of live textures."""
+
 LIVE_SOURCE = "shock_filter_source"
 """Key of the source of a live copy among the properties of the object."""
 
 MOVE = "shock_move"
 """The attribute with the movement of live results."""
+
+DIFFERENCE = "shock_color"
+"""The attribute with what live results add to colors, in linear light."""
 
 if TYPE_CHECKING:
     from . import (  # noqa: F401

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import LIVE_SOURCE, LIVE_STAMP
+from . import LIVE_COLORS, LIVE_SOURCE, LIVE_STAMP
 from .materials import active_image
 from .skipped import Skipped
 
@@ -55,14 +55,19 @@ def _keeps_faces(modifier: bpy.types.Modifier) -> bool:
     if modifier.type != "NODES":
         return modifier.type in _KEEPS_FACES
     group = modifier.node_group
-    return group is None or LIVE_STAMP in group or group.name.startswith(_SMOOTH_BY_ANGLE)
+    if group is None or LIVE_STAMP in group or LIVE_COLORS in group:
+        return True
+    return group.name.startswith(_SMOOTH_BY_ANGLE)
 
 
-def live_modifier(obj: bpy.types.Object) -> bpy.types.NodesModifier | None:
-    """Return the modifier that shows an object's live result; None if it has none."""
+def live_modifier(obj: bpy.types.Object, key: str = LIVE_STAMP) -> bpy.types.NodesModifier | None:
+    """Return the modifier that shows an object's live result; None if it has none.
+
+    That of live colors with the key `LIVE_COLORS`.
+    """
     for modifier in obj.modifiers:
         group = modifier.node_group if modifier.type == "NODES" else None
-        if group is not None and LIVE_STAMP in group:
+        if group is not None and key in group:
             return modifier
     return None
 
@@ -74,9 +79,15 @@ def live_source(obj: bpy.types.Object) -> bpy.types.Object | None:
     return source if is_there else None
 
 
-def is_live(obj: bpy.types.Object) -> bool:
+def live_modifiers(obj: bpy.types.Object) -> list[bpy.types.NodesModifier]:
+    """List the modifiers that show an object's live shape and colors."""
+    found = [live_modifier(obj, key) for key in (LIVE_STAMP, LIVE_COLORS)]
+    return [each for each in found if each is not None]
+
+
+def is_live(obj: bpy.types.Object, key: str = LIVE_STAMP) -> bool:
     """Whether an object shows a live result that its mesh says how to make again."""
-    return LIVE_STAMP in obj.data and live_modifier(obj) is not None
+    return key in obj.data and live_modifier(obj, key) is not None
 
 
 def mesh_users(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from . import LIVE_TEXTURE
 from .skipped import Skipped
 
 
@@ -16,7 +17,11 @@ def active_image(material: bpy.types.Material) -> bpy.types.Image:
     Skipped
         If there is none, or more than one.
     """
-    nodes = [node for node in image_nodes(material) if node.image is not None]
+    nodes = [
+        node
+        for node in image_nodes(material)
+        if node.image is not None and live_mix(node, "New") is None
+    ]
     if not nodes:
         raise Skipped(
             "its material {name} has no Image Texture node with an image; add one, or name an"
@@ -47,7 +52,8 @@ def colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImag
     found: list[bpy.types.ShaderNodeTexImage] = []
     for socket in ahead:
         for node in (link.from_node for link in socket.links):
-            if node.type == "TEX_IMAGE" and node.image is not None:
+            is_image = node.type == "TEX_IMAGE" and node.image is not None
+            if is_image and live_mix(node, "New") is None:
                 found.append(node)
             ahead += [each for each in node.inputs if each.is_linked and each not in ahead]
     return found
@@ -66,3 +72,12 @@ def image_nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNodeTexIma
             elif node.type == "GROUP" and node.node_tree not in [None, *trees]:
                 trees.append(node.node_tree)
     return found
+
+
+def live_mix(node: bpy.types.ShaderNodeTexImage, name: str = "Old") -> bpy.types.Node | None:
+    """Return the node of a live texture that reads an image by its input Old, or New."""
+    for link in node.outputs["Color"].links:
+        group = link.to_node.node_tree if link.to_node.type == "GROUP" else None
+        if group is not None and LIVE_TEXTURE in group and link.to_socket.name == name:
+            return link.to_node
+    return None

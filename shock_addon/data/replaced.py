@@ -16,9 +16,9 @@ from ...core.base.memo import equal
 from ...core.host import forgetting
 from . import arrays, shown
 from .chosen import subjects
-from .image import images, textures
+from .image import images, mixing, textures
 from .image.tiles import Tiles
-from .live.nodes import ATTRIBUTES
+from .live import color_nodes, nodes
 from .mesh import shape_keys, visible
 from .mesh.meshes import check_leaving, object_mode
 from .mesh.original import color_attribute
@@ -60,7 +60,8 @@ class MeshSwap:
         obj = find(target)
         self.name, self.uids = obj.name, {target.object_uid}
         self._mesh = target.mesh_uid
-        self._attributes = ["position", "sharp_edge", "custom_normal", *ATTRIBUTES]
+        self._attributes = ["position", "sharp_edge", "custom_normal", *nodes.ATTRIBUTES]
+        self._attributes += color_nodes.ATTRIBUTES
         if color := color_attribute(target):
             self._attributes.append(color)
         self._before = self._after = self._read(obj.data)
@@ -206,6 +207,23 @@ class ImageSwap:
         only = None if state == BEFORE else self._editors
         self._editors = shown.replace(other, image, only)
         textures.assign(self._objects, other, image)
+
+
+class MixSwap(ImageSwap):
+    """An image that a run has added, and that materials mix with the old one."""
+
+    def state(self) -> str:
+        """Return which of both is mixed in now; see `MeshSwap`."""
+        mixed = {node.image.session_uid for node in self._nodes() if node.image is not None}
+        return next((state for state in (AFTER, BEFORE) if self._images[state] in mixed), "")
+
+    def write(self, state: str) -> None:
+        """Mix in one of both; with itself the old one is as it was."""
+        for node in self._nodes():
+            node.image = _image(self._images[state])
+
+    def _nodes(self) -> list[bpy.types.ShaderNodeTexImage]:
+        return mixing.results(self._objects, _image(self._images[BEFORE]))
 
 
 class ObjectSwap:

@@ -17,13 +17,21 @@ AUTO = "shock_filter_auto"
 """Key of the switch among the properties of a copy."""
 
 _REST = 0.3
-"""Seconds without a change before an update, and between looks."""
+"""Seconds without a change before an update."""
+
+_LOOK = 0.05
+"""Seconds between looks while something happens; else `_REST` is."""
+
+_AWAKE = 3.0
+"""Seconds after a change in which something happens."""
 
 _AFTER_UNDO = 1.0
 """Seconds after an undo or redo in which changes are those that it brought."""
 
-_seen = 0
-_rested = 0.0
+_seen = 0.0
+_job: jobs.Job | None = None
+"""That of the last update."""
+
 _undone = -math.inf
 _is_allowed = True
 """Whether copies may update themselves: not in a file that was opened, until someone says so."""
@@ -82,28 +90,34 @@ def due() -> list[bpy.types.Object]:
 
 def run() -> None:
     """Update the first copy that is due."""
+    global _job
     for obj in due()[:1]:
         _refused.add(obj.session_uid)  # an error must not come again and again
         try:
             window = bpy.context.window_manager.windows[0] if not bpy.app.background else None
             with bpy.context.temp_override(window=window) if window else nullcontext():
                 updating.update(obj, "INVOKE_DEFAULT")
+            _job = jobs.current()
         except RuntimeError as error:
             print(f"Shock Filter: {obj.name}: {error}")
 
 
 def _look() -> float:
-    global _seen, _rested
-    changes = data.live.watching.changes
-    if changes != _seen:
-        _seen, _rested = changes, time.monotonic()
-        if _rested - _undone > _AFTER_UNDO:
+    global _seen
+    changed_at = data.live.watching.changed_at
+    if changed_at != _seen:
+        _seen = changed_at
+        if _job is not None and _job is jobs.current():
+            _job.cancel()  # its result would be out of date
+        if changed_at - _undone > _AFTER_UNDO:
             _refused.clear()
         else:  # Blender evaluates after the handlers of undo
             _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
-    elif time.monotonic() - _rested >= _REST:
-        run()
-    return _REST
+    elapsed = time.monotonic() - changed_at
+    if elapsed < _REST:
+        return max(_REST - elapsed, 0.01)
+    run()
+    return _LOOK if elapsed < _AWAKE else _REST
 
 
 def _is_busy() -> bool:

@@ -20,14 +20,17 @@ _SAID = {
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the inputs of the active object's live result, and what can be done with it."""
     obj = context.object
-    modifier = None
+    modifiers = []
     if obj is not None and obj.type == "MESH":
-        modifier = data.chosen.live_modifier(obj)
-    if modifier is None:
+        modifiers = data.chosen.live_modifiers(obj)
+    if not modifiers:
         return
     column = layout.column(align=True)
     column.use_property_decorate = False
-    data.live.stacks.draw_input(column, modifier, data.live.nodes.AMOUNT)
+    for modifier in modifiers:
+        is_alone = len(modifiers) == 1 or modifier == data.chosen.live_modifier(obj)
+        label = "Amount" if is_alone else "Colors"
+        data.live.stacks.draw_input(column, modifier, data.live.graph.AMOUNT, label)
     row = column.row(align=True)
     row.enabled = jobs.current() is None
     row.operator("shock_filter.update_live")

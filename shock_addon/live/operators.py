@@ -98,7 +98,7 @@ class SHOCK_FILTER_OT_paint_live(bpy.types.Operator):
         """Want a live result, in Object Mode."""
         obj = _active(context)
         obstacle = "Make a mesh object with a live result the active one."
-        if obj is not None and data.chosen.live_modifier(obj) is not None:
+        if obj is not None and data.chosen.live_modifiers(obj):
             obstacle = "" if obj.mode == "OBJECT" else "Go to Object Mode first."
         if not obstacle and data.chosen.mesh_refusal(obj.data):
             obstacle = data.chosen.mesh_refusal(obj.data)
@@ -107,13 +107,15 @@ class SHOCK_FILTER_OT_paint_live(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add the group, let the modifier read it, and go to Weight Paint Mode."""
         obj = context.object
-        modifier = data.chosen.live_modifier(obj)
-        name = data.live.stacks.linked_input(modifier, data.live.nodes.MASK)
+        modifiers = data.chosen.live_modifiers(obj)
+        name = data.live.stacks.linked_input(modifiers[0], data.live.graph.MASK)
         if name not in obj.vertex_groups:
             group = obj.vertex_groups.new(name=_GROUP)
             group.add(range(len(obj.data.vertices)), 1.0, "REPLACE")
             name = group.name
-            data.live.stacks.link_input(modifier, data.live.nodes.MASK, name)
+        for modifier in modifiers:
+            if not data.live.stacks.linked_input(modifier, data.live.graph.MASK):
+                data.live.stacks.link_input(modifier, data.live.graph.MASK, name)
         obj.vertex_groups.active = obj.vertex_groups[name]
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
         self.report({"INFO"}, pgettext_rpt("Weight 1 shows the result, 0 the mesh as it was."))

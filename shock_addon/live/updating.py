@@ -10,6 +10,9 @@ from bpy.app.translations import pgettext_rpt
 
 from .. import data
 
+_WORSE = ["", "fresh", "moved", "stale"]
+"""States, from good to bad."""
+
 _NOT_LIVE = "{name} has no live result; run a filter with the output Live first."
 _BUSY = "{name} is in another mode; go to Object Mode first."
 _LOST = "{name} is a live copy of an object that was removed; nothing can be updated."
@@ -17,7 +20,7 @@ _LOST = "{name} is a live copy of an object that was removed; nothing can be upd
 
 def obstacle(obj: bpy.types.Object | None) -> str:
     """Return why an object cannot be updated, in the language of the interface; empty if it can."""
-    if obj is None or obj.type != "MESH" or data.live.recipes.noted(obj.data) is None:
+    if obj is None or obj.type != "MESH" or not data.live.recipes.all_noted(obj.data):
         return pgettext_rpt(_NOT_LIVE).format(name="" if obj is None else obj.name)
     if obj.mode != "OBJECT":
         return pgettext_rpt(_BUSY).format(name=obj.name)
@@ -45,10 +48,19 @@ def update(obj: bpy.types.Object, how: str = "EXEC_DEFAULT", is_undoable: bool =
     reason = obstacle(obj)
     if reason:
         raise RuntimeError(reason)
-    name, settings = data.live.recipes.noted(obj.data)
+    *first, last = data.live.recipes.all_noted(obj.data)
+    for recipe in first:
+        _run(obj, recipe, "EXEC_DEFAULT", False)
+    return _run(obj, last, how, is_undoable)
+
+
+def _run(
+    obj: bpy.types.Object, recipe: tuple[str, dict[str, Any]], how: str, is_undoable: bool
+) -> set[str]:
+    name, settings = recipe
     operator = getattr(bpy.ops.shock_filter, name)
     known = operator.get_rna_type().properties
-    values: dict[str, Any] = {key: value for key, value in settings.items() if key in known}
+    values = {key: value for key, value in settings.items() if key in known}
     with bpy.context.temp_override(
         selected_objects=[obj], selected_editable_objects=[obj], active_object=obj, object=obj
     ):
@@ -57,6 +69,7 @@ def update(obj: bpy.types.Object, how: str = "EXEC_DEFAULT", is_undoable: bool =
 
 def state(obj: bpy.types.Object) -> str:
     """Return the state of a live result; see `live.state`."""
-    found = data.live.movement.state(obj)
+    states = data.live.movement.state(obj), data.live.coloring.state(obj)
+    found = max(states, key=_WORSE.index)
     is_behind = found == data.live.movement.FRESH and data.live.watching.has_changed(obj)
     return data.live.movement.MOVED if is_behind else found

@@ -10,7 +10,7 @@ from .. import data
 from ..data import PICTURES
 from ..modes import Mode, Target
 from .keeping import found_by
-from .properties import AUTO, FROM, LENGTH
+from .properties import AUTO, FROM, LENGTH, OUTPUTS_OF_COLORS
 from .wrapping import draw_text, fit
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
@@ -214,7 +214,7 @@ def is_attribute(parameters: Parameters, mode: Mode) -> bool:
 
 
 def has_output(parameters: Parameters, mode: Mode) -> bool:
-    """Whether there is a choice of the output, which colors do not have."""
+    """Whether there is a choice of the output."""
     return bool({"output", "add_node", "folder"}.intersection(mode.names_for(parameters)))
 
 
@@ -233,6 +233,12 @@ def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) 
         image.active = not is_attribute(parameters, mode)
         image.prop_search(parameters, "image", bpy.data, "images")
         image.prop(parameters, "add_node")
+        return
+    kind = mode.target(parameters).data
+    if kind.paints and not kind.moves and mode.data.moves:
+        outputs = column.column(align=True)
+        for value in OUTPUTS_OF_COLORS:
+            outputs.prop_enum(parameters, "output", value)
         return
     column.prop(parameters, "output", expand=True)
     if "assign" in mode.names:

@@ -95,7 +95,7 @@ class OneImageOperator(FilterOperator):
             self.output == "REPLACE" or data.image.images.is_result(source, suffix)
         ):
             return source  # one more copy would be of no use
-        if self.output == "NEW":
+        if self.output != "REPLACE":
             image = data.image.images.add_or_reuse(source, suffix, used, new)
             self.show(target, source, image)
             for each in (source, image):
@@ -108,6 +108,8 @@ class OneImageOperator(FilterOperator):
     def _swaps(
         self, target: Any, source: bpy.types.Image, image: bpy.types.Image
     ) -> list[data.replaced.Swap]:
+        if image != source and self.output == "LIVE":
+            return [data.replaced.MixSwap(source, image, target.objects)]
         if image != source:
             objects = target.objects if getattr(self, "assign", False) else []
             return [data.replaced.ImageSwap(source, image, objects)]
@@ -137,7 +139,7 @@ class OneImageOperator(FilterOperator):
             "Nothing in {old} has changed, and {new} equals it: {changes}, {seconds:.1f} s."
             if facts["new"] != facts["old"]
             else "Nothing in {old} has changed, so no copy was made: {changes}, {seconds:.1f} s."
-            if self.output == "NEW"
+            if self.output != "REPLACE"
             else "Nothing in {old} has changed: {changes}, {seconds:.1f} s."
         )
         return text.format(**facts)

@@ -10,6 +10,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
+from ..data.skipped import Skipped
 from ..kinds import Data
 from . import poll as obstacles
 from .base import Done, FilterOperator, Written, counted, describe_colors, write_results
@@ -43,6 +44,7 @@ class MeshOperator(FilterOperator):
     def _read_one(self, obj: bpy.types.Object, mode: str, parameters: Any) -> Any:
         if self._is_live(obj):
             data.live.stacks.check(obj)
+            self._check_colors(obj)
             parameters = data.live.recipes.AsLive(parameters)
         return self.kind.read(obj, mode, parameters)
 
@@ -64,7 +66,9 @@ class MeshOperator(FilterOperator):
                     swaps.append(data.replaced.ObjectSwap(obj, new))
                 return new
             write(target, result)
-            if self.kind.moves and data.live.movement.remove(obj.data):
+            was_live = self.kind.moves and data.live.movement.remove(obj.data)
+            was_live |= self.kind.paints and data.live.coloring.remove(obj.data)
+            if was_live:
                 self._replaced_live.append(obj.name)
             return obj
 
@@ -81,14 +85,27 @@ class MeshOperator(FilterOperator):
     def _is_live(self, obj: bpy.types.Object) -> bool:
         return obstacles.makes_live(self.row, self, obj)
 
+    def _check_colors(self, obj: bpy.types.Object) -> None:
+        source = data.chosen.live_source(obj)
+        if source is not None and not self.kind.moves:
+            raise Skipped(
+                "it is a live copy, whose colors come from {name}; make those of {name} live",
+                name=source.name,
+            )
+
     def _source_of(self, obj: bpy.types.Object) -> bpy.types.Object | None:
         return data.chosen.live_source(obj) if self._is_live(obj) else None
 
     def _write_live(self, target: Any, result: Any) -> bpy.types.Object:
-        write = data.live.copies.write if target.is_seen else data.live.movement.write
+        write = data.live.copies.write if target.is_seen else data.live.results.write
         obj = write(target, result)
         values = {name: getattr(self, name) for name in self.row.names_for(self)}
-        data.live.recipes.note(obj.data, self.row.operator, values | {"output": "LIVE"})
+        values["output"] = "LIVE"
+        if self.kind.paints:
+            values["attribute"] = target.place[1] if self.kind.moves else target.place
+            data.live.recipes.note(obj.data, self.row.operator, values, data.LIVE_COLORS)
+        if self.kind.moves:
+            data.live.recipes.note(obj.data, self.row.operator, values)
         return obj
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
@@ -149,10 +166,9 @@ class MeshOperator(FilterOperator):
 
     def notes(self, written: list[Written]) -> str:
         """Return remarks on modifiers and shape keys, if vertices may have moved."""
-        if not self.kind.moves:
-            return ""
-        said = _notes_of_objects(written, self)
-        if any(data.chosen.is_live(each.data) for each in written):
+        said = _notes_of_objects(written, self) if self.kind.moves else ""
+        kinds = [data.LIVE_STAMP] * self.kind.moves + [data.LIVE_COLORS] * self.kind.paints
+        if any(data.chosen.is_live(each.data, key) for each in written for key in kinds):
             text = pgettext_rpt("The modifier Shock Filter sets how much of it is seen, and where.")
             said = f"{text} {said}"
         if self._replaced_live:
@@ -237,9 +253,9 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
 
 
 def _other_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
-    # Without that of a live result.
-    live = data.chosen.live_modifier(obj)
-    return [each for each in obj.modifiers if each != live]
+    # Without those of live results.
+    live = data.chosen.live_modifiers(obj)
+    return [each for each in obj.modifiers if each not in live]
 
 
 def _hidden_marks(mesh: bpy.types.Mesh) -> int:

@@ -39,7 +39,8 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
         return of_unwrapped(context)
     obstacle = of_meshes(context)
     seen = [obj for obj in data.chosen.mesh_objects(context) if makes_object(mode, settings, obj)]
-    if seen or mode.makes_objects(settings):  # the evaluated object may have faces
+    moves = mode.target(settings).data.moves
+    if seen or (moves and mode.makes_objects(settings)):  # the evaluated object may have faces
         if context.mode != "OBJECT":
             obstacle = "New objects are made in Object Mode; go there, or choose another output."
     else:
@@ -54,6 +55,8 @@ def makes_object(mode: Mode, parameters: Any, obj: bpy.types.Object) -> bool:
 
     A live copy is such a new one, of its source.
     """
+    if not mode.target(parameters).data.moves:
+        return False  # colors stay where they are
     if mode.makes_objects(parameters):
         return True
     if makes_live(mode, parameters, obj):
@@ -66,6 +69,8 @@ def makes_object(mode: Mode, parameters: Any, obj: bpy.types.Object) -> bool:
 def makes_live(mode: Mode, parameters: Any, obj: bpy.types.Object) -> bool:
     """Whether a result stays editable, by choice or because an earlier one does."""
     if mode.makes_objects(parameters, "AUTO"):
+        if not mode.target(parameters).data.moves:
+            return data.chosen.is_live(obj, data.LIVE_COLORS)
         return data.chosen.is_live(obj) and data.chosen.modifier_on_top(obj) is None
     return mode.makes_objects(parameters, "LIVE")
 
@@ -81,7 +86,11 @@ def announcement(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     if mode.data.handled_as != "meshes" or not mode.makes_objects(settings, "AUTO"):
         return ""
     objects = data.chosen.mesh_objects(context) if context.mode == "OBJECT" else []
-    objects = [obj for obj in objects if not makes_live(mode, settings, obj)]
+    objects = [
+        obj
+        for obj in objects
+        if makes_object(mode, settings, obj) and not makes_live(mode, settings, obj)
+    ]
     found = [top.name for obj in objects if (top := data.chosen.modifier_on_top(obj)) is not None]
     text = "New Object: {name} is on top, so what is seen is filtered and the original hidden."
     return pgettext_rpt(text).format(name=", ".join(dict.fromkeys(found))) if found else ""

@@ -184,6 +184,41 @@ _MESH_OUTPUT = _output(
     ),
 )
 
+_COLORS_OUTPUT = _output(
+    ("AUTO", "Auto", "Live where the colors are live already; else Mesh", 3),
+    ("MESH", "Mesh", "Replace the colors", 0),
+    (
+        "LIVE",
+        "Live",
+        "Keep the colors, and let a modifier of Geometry Nodes change them, by an amount that can"
+        " be changed later and animated",
+        4,
+    ),
+)
+
+OUTPUTS_OF_COLORS = ("AUTO", "MESH", "LIVE")
+"""Outputs that colors have, of those of shapes; with others the colors are replaced."""
+
+# Files keep the numbers.
+_IMAGE_OUTPUTS = (
+    ("NEW", "New Image", "Keep the image and put the new one beside it", 0),
+    (
+        "REPLACE",
+        "Replace",
+        "Overwrite the image's pixels. Blender cannot undo this; the file on disk stays until"
+        " you save the image",
+        1,
+    ),
+)
+
+_LIVE_TEXTURE = (
+    "LIVE",
+    "Live",
+    "Keep the image, and mix it with the new one in the materials of the objects, by an amount"
+    " that can be changed later and animated. A mask image stays one, and can be painted",
+    2,
+)
+
 _TEXTURE_IMAGE = {
     "name": "Image",
     "description": "Texture to work on. Empty takes the one in the Image Editor, the one that is"
@@ -383,16 +418,11 @@ _PLACES = {
         " normals. They follow the flow of the base color, so that borders lie in the same places"
     ),
     "geometry output": _MESH_OUTPUT,
+    "colors output": _COLORS_OUTPUT,
     "both output": _MESH_OUTPUT,
-    "output": _output(
-        ("NEW", "New Image", "Keep the image and put the new one beside it"),
-        (
-            "REPLACE",
-            "Replace",
-            "Overwrite the image's pixels. Blender cannot undo this; the file on disk stays until"
-            " you save the image",
-        ),
-    ),
+    "texture output": _output(*_IMAGE_OUTPUTS, _LIVE_TEXTURE),
+    "detail output": _output(*_IMAGE_OUTPUTS, _LIVE_TEXTURE),
+    "output": _output(*_IMAGE_OUTPUTS),
     "assign": bpy.props.BoolProperty(
         name="Assign",
         description="Show the new image instead of the old one in the materials of the objects",

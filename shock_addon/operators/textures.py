@@ -76,8 +76,14 @@ class TextureOperator(OneImageOperator):
         }
 
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
-        """Show it in the materials, with Assign."""
-        if self.assign:
+        """Show it in the materials, with Assign; beside the old one with Live."""
+        if self.output == "LIVE":
+            mask = bpy.data.images.get(getattr(self, "mask_image", ""))
+            is_inverted = getattr(self, "invert_mask", False)
+            with data.mesh.meshes.object_mode(bpy.context):
+                data.image.mixing.show(target.objects, source, image, mask, is_inverted)
+        elif self.assign:
+            data.image.mixing.remove(target.objects, source)
             # Texture Paint Mode looks for the materials' images when it is entered.
             with data.mesh.meshes.object_mode(bpy.context):
                 self._notes += data.image.textures.assign(target.objects, source, image)

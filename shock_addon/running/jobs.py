@@ -17,7 +17,9 @@ from .status import StatusText
 
 Work = Callable[[Callable[[float, str], bool]], Any]
 
-_INTERVAL = 0.1
+_INTERVAL = 0.03
+"""Seconds between two looks whether a job has ended."""
+
 _SETTLED = 0.3
 """Seconds after which each window has had an event from a timer."""
 

@@ -10,7 +10,7 @@ import pytest
 import shock_filter
 from shock_filter.shock_addon.data import MOVE
 from shock_filter.shock_addon.data.chosen import live_modifier, live_source
-from shock_filter.shock_addon.data.live import nodes, stacks
+from shock_filter.shock_addon.data.live import graph, nodes, stacks
 from shock_filter.shock_addon.data.mesh import geometry, meshes
 from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
 from shock_filter.shock_addon.data.mesh.original import Original, show
@@ -33,7 +33,7 @@ def seen(obj):
 
 
 def amount(obj, value):
-    stacks.write_input(live_modifier(obj), nodes.AMOUNT, value)
+    stacks.write_input(live_modifier(obj), graph.AMOUNT, value)
 
 
 def written(obj, **settings):
@@ -110,7 +110,7 @@ def test_pressing_again_starts_from_the_mesh_and_keeps_the_inputs(rounded_box):
     for output in ("LIVE", "AUTO"):
         sharpen(output=output, time=16.0)
         assert len(box.modifiers) == 1 and live_modifier(box).node_group == tree
-        assert stacks.read_input(live_modifier(box), nodes.AMOUNT) == 0.25
+        assert stacks.read_input(live_modifier(box), graph.AMOUNT) == 0.25
     amount(box, 1.0)
     np.testing.assert_allclose(seen(box), after, rtol=0, atol=ROUNDING)
 
@@ -133,14 +133,14 @@ def test_masks_are_fields(rounded_box):
     group = box.vertex_groups.new(name="Here")
     top = np.flatnonzero(before[:, 2] > 0)
     group.add(top.tolist(), 1.0, "REPLACE")
-    stacks.link_input(live_modifier(box), nodes.MASK, "Here")
+    stacks.link_input(live_modifier(box), graph.MASK, "Here")
     after = seen(box)
     np.testing.assert_array_equal(after[top], whole[top])
     rest = before[:, 2] <= 0
     np.testing.assert_array_equal(after[rest], before[rest])
     weights = box.data.attributes.new("Half", "FLOAT", "POINT")
     weights.data.foreach_set("value", np.full(len(before), 0.5, np.float32))
-    stacks.link_input(live_modifier(box), nodes.MASK, "Half")
+    stacks.link_input(live_modifier(box), graph.MASK, "Half")
     np.testing.assert_allclose(seen(box), 0.5 * (before + whole), rtol=0, atol=ROUNDING)
 
 
@@ -196,9 +196,20 @@ def replaced(bm):
     bmesh.ops.poke(bm, faces=[face])
 
 
+def exchanged(bm):
+    """As many faces, and the same edges."""
+    (one, other), edge = next(
+        (edge.link_faces, edge)
+        for edge in bm.edges
+        if [len(face.verts) for face in edge.link_faces] == [4, 4]
+    )
+    bmesh.ops.contextual_create(bm, geom=[e for f in (one, other) for e in f.edges if e != edge])
+    bmesh.ops.delete(bm, geom=[one], context="FACES_ONLY")
+
+
 @pytest.mark.parametrize(
     "edit",
-    [deleted, subdivided, rotated, without_a_face, merged, replaced],
+    [exchanged, deleted, subdivided, rotated, without_a_face, merged, replaced],
     ids=lambda f: f.__name__,
 )
 def test_edits_of_the_connectivity_pass_the_mesh_through(rounded_box, edit):
@@ -336,9 +347,12 @@ def test_both_outputs_of_denoise(rounded_box):
     np.testing.assert_array_equal(read_positions(box.data), before)
     assert (seen(box) != before).any()
     after = np.empty_like(noise)
-    box.data.color_attributes["Paint"].data.foreach_get("color", after)
+    evaluated(box).color_attributes["Paint"].data.foreach_get("color", after)
     assert (after != noise).any()
+    box.data.color_attributes["Paint"].data.foreach_get("color", after)
+    np.testing.assert_array_equal(after, noise)
     live.update(box)
+    assert len(box.modifiers) == 2 and live.state(box) == "fresh"
 
 
 def test_a_preview_shows_its_result_without_the_live_one(rounded_box):
@@ -402,7 +416,7 @@ def test_a_live_copy_remembers_its_source(joined_cubes):
     assert read_positions(copy.data).shape != old.shape or (read_positions(copy.data) != old).any()
     assert list(copy.data.materials) == materials
     assert [each.name for each in copy.modifiers] == ["Shock Filter", "Bend"]
-    assert stacks.read_input(live_modifier(copy), nodes.AMOUNT) == 0.5
+    assert stacks.read_input(live_modifier(copy), graph.AMOUNT) == 0.5
     bpy.data.objects.remove(cube)
     with pytest.raises(RuntimeError, match="was removed"):
         live.update(copy)
@@ -458,6 +472,61 @@ def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path, monkeypa
     assert automatic.due() == [copy]
 
 
+def test_a_change_meanwhile_ends_an_update(joined_cubes, monkeypatch):
+    _, operand = joined_cubes
+    sharpen(output="LIVE")
+    asked = []
+    automatic._look()
+    job = SimpleNamespace(cancel=lambda: asked.append("cancel"))
+    monkeypatch.setattr(automatic, "_job", job)
+    monkeypatch.setattr(automatic.jobs, "current", lambda: job)
+    automatic._look()
+    assert not asked
+    operand.location.x = 0.7
+    bpy.context.view_layer.update()
+    assert automatic._look() == pytest.approx(0.3, abs=0.1)
+    assert asked == ["cancel"]
+
+
+@pytest.mark.parametrize("how", ["object", "collection"])
+def test_copies_follow_a_source_that_is_disabled(joined_cubes, how):
+    cube, operand = joined_cubes
+    sharpen(output="LIVE")
+    copy = bpy.context.object
+    if how == "object":
+        cube.hide_viewport = True
+    else:
+        collection = bpy.data.collections.new("Away")
+        bpy.context.scene.collection.children.link(collection)
+        for other in list(cube.users_collection):
+            other.objects.unlink(cube)
+        collection.objects.link(cube)
+        bpy.context.view_layer.layer_collection.children["Away"].exclude = True
+    before = read_positions(copy.data)
+    operand.location.x = 0.7
+    bpy.context.view_layer.update()
+    assert live.state(copy) == "moved"
+    live.update(copy)
+    after = read_positions(copy.data)
+    assert len(after) > 1000 and after.tobytes() != before.tobytes()
+    assert live.state(copy) == "fresh"
+
+
+@pytest.mark.parametrize("has_groups", [True, False])
+def test_layers_of_a_source_are_in_its_live_copy(joined_cubes, has_groups):
+    cube, _ = joined_cubes
+    cube.modifiers.remove(cube.modifiers["Remesh"])
+    cube.data.color_attributes.new("Paint", "BYTE_COLOR", "CORNER")
+    cube.data.attributes.new("own", "FLOAT", "FACE")
+    cube.data.uv_layers.new(name="Second")
+    if has_groups:
+        cube.vertex_groups.new(name="Some").add([0, 1], 0.5, "REPLACE")
+    sharpen(output="LIVE", where="everywhere")
+    mesh = bpy.context.object.data
+    assert {"Paint", "own", "UVMap", "Second"} <= set(mesh.attributes.keys())
+    assert any(len(vertex.groups) for vertex in mesh.vertices) == has_groups
+
+
 def test_painting_where(rounded_box):
     box = rounded_box()
     sharpen(output="LIVE")
@@ -481,7 +550,7 @@ def test_keyframes_of_amount(rounded_box):
     sharpen(output="LIVE")
     after = seen(box)
     modifier = live_modifier(box)
-    key = nodes.input_of(modifier.node_group, nodes.AMOUNT)
+    key = graph.input_of(modifier.node_group, graph.AMOUNT)
     owner, path = (modifier, f'["{key}"]')
     if hasattr(modifier, "properties"):
         owner, path = getattr(modifier.properties.inputs, key), "value"

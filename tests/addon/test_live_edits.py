@@ -16,8 +16,9 @@ import bmesh  # of bpy
 import numpy as np
 import pytest
 import shock_filter
-from shock_filter.shock_addon.data.chosen import is_live, live_modifier
-from shock_filter.shock_addon.data.live import nodes, stacks
+from shock_filter.shock_addon.data import arrays
+from shock_filter.shock_addon.data.chosen import is_live, live_modifier, live_modifiers
+from shock_filter.shock_addon.data.live import coloring, graph, movement, stacks
 from shock_filter.shock_addon.data.mesh.meshes import read_positions
 
 SMALL, LARGE = 100, 6000
@@ -46,7 +47,31 @@ class Editing:
         bpy.ops.mesh.subdivide(number_cuts=5)
         bpy.ops.mesh.vertices_smooth(factor=0.5, repeat=3)
         bpy.ops.object.mode_set(mode="OBJECT")
+        self.dress(bpy.context.object)
         bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+        bpy.ops.shock_filter.sharpen_colors(output="LIVE")
+        bpy.ops.shock_filter.sharpen_texture(output="LIVE")
+
+    def dress(self, obj):
+        """Give an object colors and a texture."""
+        kind = self.random.choice(["BYTE_COLOR", "FLOAT_COLOR"])
+        colors = obj.data.color_attributes.new(
+            "Paint", kind, self.random.choice(["POINT", "CORNER"])
+        )
+        noise = np.random.default_rng(self.random.randint(0, 99)).random(4 * len(colors.data))
+        colors.data.foreach_set("color", noise.astype(np.float32))
+        obj.data.color_attributes.active_color = colors
+        image = bpy.data.images.new("Wood", 16, 16, float_buffer=True)
+        image.pixels.foreach_set(np.linspace(0.0, 1.0, 16 * 16 * 4, dtype=np.float32))
+        image.pack()
+        material = bpy.data.materials.new("Wood")
+        if bpy.app.version < (5, 0, 0):
+            material.use_nodes = True
+        node = material.node_tree.nodes.new("ShaderNodeTexImage")
+        node.image = image
+        shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+        material.node_tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        obj.data.materials.append(material)
 
     def own(self):
         """List the objects that may be edited."""
@@ -79,11 +104,14 @@ class Editing:
         bpy.context.view_layer.update()
         graph = bpy.context.evaluated_depsgraph_get()
         for obj in list(bpy.context.view_layer.objects):
-            if obj.type != "MESH" or live_modifier(obj) is None or len(obj.modifiers) > 1:
+            if obj.type != "MESH" or len(live_modifiers(obj)) != len(obj.modifiers):
+                continue
+            self.check_colors(obj, obj.evaluated_get(graph).data, name)
+            if live_modifier(obj) is None:
                 continue
             before = read_positions(obj.data)
             after = read_positions(obj.evaluated_get(graph).data)
-            state = shock_filter.live.state(obj)
+            state = movement.state(obj)
             self.states[state] += 1
             assert after.shape == before.shape, name
             assert np.isfinite(after).all(), name
@@ -91,6 +119,23 @@ class Editing:
                 if state in ("stale", ""):
                     assert (after == before).all(), name
                 assert np.abs(after - before).max(initial=0.0) < 1.0, name
+
+    def check_colors(self, obj, shown, name):
+        names = [before.name for before in obj.data.color_attributes]
+        if len(set(names)) < len(names):
+            return  # Join may give two of them one name, which Blender mixes up
+        for before in obj.data.color_attributes:
+            after = shown.color_attributes[before.name]
+            if after.domain != before.domain:  # it was converted, and is shown as it was
+                assert coloring.state(obj) == "moved", name
+                continue
+            values = [arrays.read_attribute(each) for each in (before, after)]
+            assert np.isfinite(values[1]).all(), name
+            if coloring.state(obj) in ("stale", ""):
+                assert (values[0] == values[1]).all(), name
+            if before.data_type == "FLOAT_COLOR":
+                assert np.abs(values[0] - values[1]).max(initial=0.0) < 3.0, name
+        self.states["colors " + coloring.state(obj)] += 1
 
 
 def with_bmesh(change):
@@ -221,8 +266,8 @@ def save_and_open(editing, obj):
 
 
 def amount(editing, obj):
-    if live_modifier(obj) is not None:
-        stacks.write_input(live_modifier(obj), nodes.AMOUNT, editing.random.uniform(-1, 2))
+    for modifier in live_modifiers(obj):
+        stacks.write_input(modifier, graph.AMOUNT, editing.random.uniform(-1, 2))
 
 
 def paint(editing, obj):
@@ -247,6 +292,55 @@ def press(editing, obj):
         assert str(error).strip().endswith("."), error
 
 
+def press_colors(editing, obj):
+    said(lambda: bpy.ops.shock_filter.sharpen_colors(output=editing.random.choice(OUTPUTS)))
+
+
+def denoise_both(editing, obj):
+    said(lambda: bpy.ops.shock_filter.denoise(target="both", output=editing.random.choice(OUTPUTS)))
+
+
+def paint_colors(editing, obj):
+    for colors in obj.data.color_attributes:
+        values = arrays.read_attribute(colors)
+        values[editing.random.randrange(len(values)) :] *= np.float32(0.9)
+        arrays.write_attribute(colors, values)
+    obj.data.update()
+
+
+def change_colors(editing, obj):
+    if obj.data.color_attributes:
+        if editing.random.random() < 0.3:
+            obj.data.color_attributes.remove(obj.data.color_attributes[0])
+        else:
+            domain, kind = editing.random.choice(["POINT", "CORNER"]), "FLOAT_COLOR"
+            bpy.ops.geometry.color_attribute_convert(domain=domain, data_type=kind)
+
+
+def press_texture(editing, obj):
+    outputs = ["NEW", "LIVE", "LIVE", "REPLACE"]
+    said(lambda: bpy.ops.shock_filter.sharpen_texture(output=editing.random.choice(outputs)))
+
+
+def change_material(editing, obj):
+    material = obj.active_material
+    if material is None or material.library is not None:
+        return
+    nodes = material.node_tree.nodes
+    if editing.random.random() < 0.5:
+        nodes.remove(editing.random.choice(list(nodes)))
+    else:
+        obj.active_material = material.copy()
+
+
+def said(press):
+    """Press, where an error is a sentence."""
+    try:
+        press()
+    except RuntimeError as error:
+        assert str(error).strip().endswith("."), error
+
+
 def swap(editing, obj):
     if bpy.ops.shock_filter.before_after.poll():
         try:
@@ -257,18 +351,21 @@ def swap(editing, obj):
 
 def apply(editing, obj):
     if live_modifier(obj) is not None and obj.data.users == 1 and obj.data.shape_keys is None:
-        bpy.ops.object.modifier_apply(modifier=live_modifier(obj).name)
+        bpy.ops.object.modifier_apply(modifier=editing.random.choice(live_modifiers(obj)).name)
 
 
 def remove(editing, obj):
     bpy.data.objects.remove(obj)
 
 
+OUTPUTS = ["AUTO", "LIVE", "LIVE", "MESH"]
+
 EDITS = [
     *(delete, subdivide, rotate, dissolve, copy_and_delete, sculpt, sort, remesh),
     *(go_through_modes, edit_mesh, join, duplicate, make_single_user, append, link),
     *(undo_and_redo, save_and_open, amount, paint, update, update, press, press, swap, apply),
-    remove,
+    *(press_colors, press_colors, denoise_both, paint_colors, change_colors),
+    *(press_texture, press_texture, change_material, remove),
 ]
 
 

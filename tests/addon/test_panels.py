@@ -107,6 +107,7 @@ def words(drawn, function):
 def settings_of(drawn):
     """List the properties that are drawn; a number behind its switch counts once."""
     names = words(drawn, "prop") + words(drawn, "prop_search")
+    names += ["output"] * ("output" in words(drawn, "prop_enum"))
     behind = [name.removesuffix("_auto") for name in names if name.endswith("_auto")]
     return [name for name in names if not name.endswith("_auto") and name not in behind] + behind
 
@@ -331,10 +332,11 @@ def panels_of(mode):
     return getattr(panels, name), [panel for panel in below if is_seen(panel, context)]
 
 
-def test_the_output_is_not_asked_for_with_colors():
-    _, others = panels_of("colors")
-    assert bpy.types.SHOCK_FILTER_PT_output not in others
-    assert bpy.types.SHOCK_FILTER_PT_mask in others
+def test_colors_have_some_of_the_outputs_of_shapes(rounded_box):
+    rounded_box()
+    layout = Unfolded()
+    after_run("denoise", layout, target="colors")
+    assert words(layout.drawn, "prop_enum") == ["output"] * 3  # of five
 
 
 def test_vertex_paint_mode_mentions_its_mask(rounded_box):

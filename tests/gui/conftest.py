@@ -172,8 +172,9 @@ def _keep_pictures(source: Path, target: Path, version: str) -> None:
     for path in sorted(source.glob("*.npy")):
         image = Image.fromarray(np.load(path)).quantize(48, dither=Image.Dither.NONE)
         image.save(target / f"{version}-{path.stem}.png", optimize=True)
-    frames = [Image.fromarray(np.load(path)) for path in sorted(source.glob("loop/*.npy"))]
-    if frames:
+    for folder in sorted(source.glob("*loop")):
+        frames = [Image.fromarray(np.load(path)) for path in sorted(folder.glob("*.npy"))]
         small = [frame.resize((frame.width * 3 // 5, frame.height * 3 // 5)) for frame in frames]
-        small[0].save(target / f"{version}-loop.webp", save_all=True, append_images=small[1:],
-                      duration=350, loop=0, quality=60, method=6)  # fmt: skip
+        options = {"duration": 350, "loop": 0, "quality": 60, "method": 6}
+        path = target / f"{version}-{folder.name}.webp"
+        small[0].save(path, save_all=True, append_images=small[1:], **options)

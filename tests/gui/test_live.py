@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Live results in a window."""
 
+import statistics
+
 import pytest
 
 
@@ -25,8 +27,10 @@ def test_a_copy_is_made(report):
 def test_the_copy_follows_its_source(report, capsys):
     seen = report["followed"]
     with capsys.disabled():
-        print(f"\nby hand: {seen['by_hand']:.1f} s; by itself: {min(seen['seconds']):.1f} s")
+        seconds = ", ".join(f"{each:.2f}" for each in seen["seconds"])
+        print(f"\nby hand: {seen['by_hand']:.2f} s; by itself: {seconds} s")
     assert seen["noticed"] == "moved"
+    assert set(seen["states"]) == {"fresh"}
     assert seen["after"]["positions"] != seen["before"]["positions"]
 
 
@@ -36,6 +40,13 @@ def test_undo_and_redo_bring_back_each_state(report):
     assert seen["groups"] == 1
 
 
-def test_painting_shows_the_result(report):
+def test_painting_shows_the_result(report, capsys):
+    frames = {
+        name: 1e3 * statistics.median(all_) for name, all_ in report["painted"]["frames"].items()
+    }
+    with capsys.disabled():
+        print(f"\nms of a frame: {frames}")
+    assert report["painted"]["moved"]["moved"] == 0 < report["painted"]["moved"]["out"]
+    assert report["painted"]["moved"]["shown"]
     assert report["painted"]["mode"] == "PAINT_WEIGHT"
     assert report["painted"]["same"]

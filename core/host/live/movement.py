@@ -18,6 +18,34 @@ _BITS = 23
 _MASK = (1 << _BITS) - 1
 
 
+ROUNDING = 4096.0
+"""Of the mean of marks at the corners of a face, where nodes add up in float32."""
+
+
+@dataclass(frozen=True)
+class Connectivity:
+    """What is connected in a mesh.
+
+    Attributes
+    ----------
+    ends : (e, 2) int
+        Vertices of the edges.
+    corners : (c,) int
+        Vertices of the corners of the faces, face by face.
+    starts : (f,) int
+        The first corner of each face.
+    """
+
+    ends: npt.NDArray[np.integer]
+    corners: npt.NDArray[np.integer]
+    starts: npt.NDArray[np.integer]
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Return the numbers of edges and faces."""
+        return len(self.ends), len(self.starts)
+
+
 @dataclass(frozen=True)
 class Marks:
     """What is kept of a mesh beside its movement.
@@ -30,6 +58,8 @@ class Marks:
         The numbers of vertices, edges and faces, the same for each vertex.
     edges : (e,) int32
         The sum of the numbers at the ends of each edge.
+    faces : (f,) float32
+        The mean of the numbers at the corners of each face.
     places : (n,) int32
         Digest of the position of each vertex.
     """
@@ -37,6 +67,7 @@ class Marks:
     vertices: npt.NDArray[np.int32]
     counts: npt.NDArray[np.float32]
     edges: npt.NDArray[np.int32]
+    faces: npt.NDArray[np.float32]
     places: npt.NDArray[np.int32]
 
 
@@ -54,42 +85,45 @@ def movement(old: npt.NDArray[np.float32], new: npt.NDArray[np.float32]) -> npt.
     return moves
 
 
-def marks_of(
-    positions: npt.NDArray[np.float32], ends: npt.NDArray[np.integer], faces: int
-) -> Marks:
-    """Return the marks of a mesh.
-
-    Parameters
-    ----------
-    positions : (n, 3) float32
-    ends : (e, 2) int
-        Vertices of the edges.
-    faces : int
-        How many faces there are.
-    """
+def marks_of(positions: npt.NDArray[np.float32], connectivity: Connectivity) -> Marks:
+    """Return the marks of a mesh with these positions: (n, 3)."""
     vertices = _scattered(len(positions))
     counts = np.empty((len(positions), 3), dtype=np.float32)
-    counts[:] = len(positions), len(ends), faces
-    return Marks(vertices, counts, vertices[ends].sum(axis=1, dtype=np.int32), places(positions))
+    counts[:] = len(positions), *connectivity.counts
+    edges, faces = _sums(vertices, connectivity)
+    return Marks(vertices, counts, edges, faces, digests(positions))
 
 
-def is_fitting(marks: Marks, ends: npt.NDArray[np.integer], faces: int) -> bool:
+def is_fitting(marks: Marks, connectivity: Connectivity) -> bool:
     """Whether a mesh has the connectivity that its marks were made for, in whatever order."""
-    counts = np.array([len(marks.vertices), len(ends), faces], dtype=np.float32)
+    counts = np.array([len(marks.vertices), *connectivity.counts], dtype=np.float32)
     if not (marks.counts == counts).all():
         return False
-    return bool((marks.vertices[ends].sum(axis=1, dtype=np.int32) == marks.edges).all())
+    edges, faces = _sums(marks.vertices, connectivity)
+    return bool((edges == marks.edges).all() and (np.abs(faces - marks.faces) <= ROUNDING).all())
 
 
-def places(positions: npt.NDArray[np.float32]) -> npt.NDArray[np.int32]:
-    """Return a digest of each position: (n,); both zeros have the same."""
-    bits = np.ascontiguousarray(positions + np.float32(0.0), dtype=np.float32).view(np.uint32)
+def digests(rows: npt.NDArray[np.float32]) -> npt.NDArray[np.int32]:
+    """Return a digest of each row, such as a position: (n,); both zeros have the same."""
+    bits = np.ascontiguousarray(rows + np.float32(0.0), dtype=np.float32).view(np.uint32)
     found = np.full(len(bits), 0x9E3779B9, dtype=np.uint32)
     for column in bits.T:
         found ^= column
         found *= np.uint32(0x85EBCA6B)
         found ^= found >> np.uint32(15)
     return found.view(np.int32)
+
+
+def _sums(
+    vertices: npt.NDArray[np.int32], connectivity: Connectivity
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+    # The marks of edges and faces.
+    edges = vertices[connectivity.ends].sum(axis=1, dtype=np.int32)
+    if not len(connectivity.starts):
+        return edges, np.zeros(0, dtype=np.float32)
+    totals = np.add.reduceat(vertices[connectivity.corners], connectivity.starts, dtype=np.int64)
+    sizes = np.diff(connectivity.starts, append=len(connectivity.corners))
+    return edges, (totals / sizes).astype(np.float32)
 
 
 def _scattered(count: int) -> npt.NDArray[np.int32]:

@@ -9,7 +9,7 @@ import bpy
 
 from ....core.settings import Setting
 from ..chosen import mesh_users
-from ..materials import colors_surface, image_nodes
+from ..materials import colors_surface, image_nodes, live_mix
 from ..skipped import Skipped, sentences
 
 _ON_THE_WAY = {"REROUTE", "SEPARATE_COLOR", "COMBINE_COLOR", "CURVE_RGB", "INVERT", "GAMMA"}
@@ -47,7 +47,12 @@ def maps_of(context: bpy.types.Context, image: bpy.types.Image) -> Maps:
     ]
     colors = {node.image for each in materials for node in colors_surface(each.node_tree)}
     lead = colors.pop() if len(colors) == 1 else image
-    nodes = [node for each in materials for node in image_nodes(each) if node.image is not None]
+    nodes = [
+        node
+        for each in materials
+        for node in image_nodes(each)
+        if node.image is not None and live_mix(node, "New") is None
+    ]
     places = {_coordinates(node) for node in nodes if node.image == lead}
     followers: dict[bpy.types.Image, str] = {}
     left: dict[str, str] = {}
@@ -130,7 +135,7 @@ def normals_from(node: bpy.types.ShaderNodeTexImage) -> str:
         if each.type == "NORMAL_MAP":
             is_down = getattr(each, "convention", "OPENGL") == "DIRECTX"
             return "normals_y_down" if is_down else "normals"
-        if each.type in _ON_THE_WAY:
+        if each.type in _ON_THE_WAY or each == live_mix(node):
             links = [link for output in each.outputs for link in output.links]
             ahead += [link.to_node for link in links if link.to_node not in ahead]
     return ""

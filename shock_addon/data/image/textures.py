@@ -158,7 +158,7 @@ def assign(names: list[str], old: bpy.types.Image, new: bpy.types.Image) -> list
         A sentence for each material that could not be changed.
     """
     notes = []
-    for material in _materials(names):
+    for material in materials_of(names):
         nodes = [node for node in image_nodes(material) if node.image == old]
         for node in nodes:
             if node.id_data.library is None and material.library is None:
@@ -176,7 +176,7 @@ def assign(names: list[str], old: bpy.types.Image, new: bpy.types.Image) -> list
 
 def shown_by(names: list[str]) -> list[bpy.types.Image]:
     """List the images in the materials of the objects of these names."""
-    nodes = [node for material in _materials(names) for node in image_nodes(material)]
+    nodes = [node for material in materials_of(names) for node in image_nodes(material)]
     return [node.image for node in nodes if node.image is not None]
 
 
@@ -187,7 +187,8 @@ def _whole(parts: Tiles, mosaic: Mosaic | None) -> npt.NDArray[np.float32]:
 # ---------------------------------------------------------------------------------------- materials
 
 
-def _materials(names: list[str]) -> list[bpy.types.Material]:
+def materials_of(names: list[str]) -> list[bpy.types.Material]:
+    """List the materials of the objects of these names."""
     objects = [obj for obj in bpy.data.objects if obj.name in names]
     slots = [slot.material for obj in objects for slot in obj.material_slots]
     return list(filter(None, dict.fromkeys(slots)))
@@ -336,7 +337,7 @@ def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list
 
 def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -> Floats | None:
     name = getattr(parameters, "mask_image", "")
-    if not name:
+    if not name or getattr(parameters, "output", "") == "LIVE":  # nodes take it as their mask
         return None
     weights = _read_grays(image, name, mosaic, _MASK_REASONS)
     weights = 1.0 - weights if parameters.invert_mask else weights

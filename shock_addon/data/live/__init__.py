@@ -9,6 +9,18 @@ from typing import TYPE_CHECKING
 from .. import importing
 
 if TYPE_CHECKING:
-    from . import copies, movement, nodes, recipes, stacks, watching  # noqa: F401
+    from . import (  # noqa: F401
+        color_nodes,
+        coloring,
+        copies,
+        graph,
+        marks,
+        movement,
+        nodes,
+        recipes,
+        results,
+        stacks,
+        watching,
+    )
 
 __getattr__ = importing(__name__)

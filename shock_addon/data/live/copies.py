@@ -11,7 +11,7 @@ from .. import LIVE_SOURCE
 from ..chosen import live_source
 from ..mesh import visible
 from ..mesh.targets import MeshTarget, find
-from . import movement, stacks, watching
+from . import coloring, movement, results, watching
 
 
 def write(target: MeshTarget, result: Any) -> bpy.types.Object:
@@ -25,11 +25,13 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
     obj = find(target)
     source = live_source(obj)
     if source is not None:
-        visible.write_into(target, source, result, movement.write)
-        stacks.add(obj, mark_sharp=True)
+        visible.write_into(target, source, result, results.write)
+        movement.add(obj, mark_sharp=True)
+        if isinstance(target.place, tuple):
+            coloring.add(obj, target.place[1])
         watching.note_updated(obj)
         return obj
-    new = visible.write_new(target, result, movement.write, "live")
+    new = visible.write_new(target, result, results.write, "live")
     if new != obj:
         new[LIVE_SOURCE] = obj
         watching.note_updated(new)

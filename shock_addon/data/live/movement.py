@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ....core.host.live.movement import Marks, is_fitting, marks_of, movement, places
+from ....core.host.live.movement import digests, is_fitting, marks_of, movement
 from .. import LIVE_STAMP, MOVE, arrays
-from ..mesh import colors, geometry, painted, shading
+from ..chosen import live_modifier
+from ..mesh import geometry, shading
 from ..mesh.targets import MeshTarget, find
 from ..skipped import Skipped
-from . import nodes, stacks
+from . import marks, nodes, stacks
 
 if TYPE_CHECKING:
     from ....core.host.geometry import Reshaped
@@ -23,35 +24,23 @@ FRESH, MOVED, STALE, NONE = "fresh", "moved", "stale", ""
 """What a movement is to its mesh: computed for it as it is, before vertices moved, or for another
 connectivity, so that it is not applied; or there is none."""
 
-_KINDS = {
-    nodes.VERTEX: ("INT", "POINT"),
-    nodes.COUNTS: ("FLOAT_VECTOR", "POINT"),
-    nodes.ENDS: ("INT", "EDGE"),
-    nodes.PLACE: ("INT", "POINT"),
-}
 _SHARP = "BOOLEAN", "EDGE"
 
 
-def write(target: MeshTarget, result: Any) -> bpy.types.Object:
+def write(target: MeshTarget, result: Reshaped) -> bpy.types.Object:
     """Write a result as a movement, and put the modifier on all objects that show the mesh.
 
     Parameters
     ----------
     target : MeshTarget
-        As `geometry.read_geometry` or `painted.read_painted` read it.
-    result : object
-        Of the filter; colors are written as they are.
+        As `geometry.read_geometry` read it.
+    result : Reshaped
 
     Raises
     ------
     Skipped
         If the object was removed or its shape has changed since it was read.
     """
-    if isinstance(target.place, tuple):
-        shape, paint = painted.split(target)
-        colors.check_unchanged(find(target), paint)
-        write(shape, result.shape)
-        return colors.write_colors(paint, result.paint)
     obj = find(target)
     stacks.check(obj)
     old = target.surface.positions
@@ -66,18 +55,22 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
             if user == obj:
                 raise
             continue  # it shows the mesh as it was
-        stacks.add(user, target.place.sharp_angle is not None)
+        add(user, target.place.sharp_angle is not None)
     return obj
+
+
+def add(obj: bpy.types.Object, mark_sharp: bool) -> None:
+    """Put the modifier on an object; one that is there keeps its place and its inputs."""
+    if live_modifier(obj) is None:
+        modifier = stacks.add(obj, nodes.find_or_build(), LIVE_STAMP)
+        stacks.write_input(modifier, nodes.MARK_SHARP, mark_sharp)
 
 
 def remove(mesh: bpy.types.Mesh) -> bool:
     """Remove the movement of a mesh; return whether there was one."""
-    was_live = MOVE in mesh.attributes and nodes.VERTEX in mesh.attributes
+    was_live = MOVE in mesh.attributes and marks.SHAPE.vertices in mesh.attributes
     if was_live:
-        for name in nodes.ATTRIBUTES:
-            if name in mesh.attributes:
-                mesh.attributes.remove(mesh.attributes[name])
-        mesh.update()
+        marks.remove(mesh, nodes.ATTRIBUTES)
     if LIVE_STAMP in mesh:
         del mesh[LIVE_STAMP]
     return was_live
@@ -86,27 +79,23 @@ def remove(mesh: bpy.types.Mesh) -> bool:
 def state(obj: bpy.types.Object) -> str:
     """Return what the movement of an object that is not in Edit Mode is to its mesh."""
     mesh = obj.data
-    marks = _read_marks(mesh)
-    if marks is None:
+    if arrays.find_attribute(mesh, MOVE, "FLOAT_VECTOR", "POINT") is None:
         return NONE if MOVE not in mesh.attributes else STALE
-    ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
-    if not is_fitting(marks, ends, len(mesh.polygons)):
+    found = marks.read(mesh, marks.SHAPE)
+    if found is None or not is_fitting(found, marks.connectivity(mesh)):
         return STALE
     try:
         positions = geometry.source(obj, geometry.Place("LIVE", obj.mode, "KEEP", None))
     except Skipped:
         return MOVED
-    return FRESH if (places(positions) == marks.places).all() else MOVED
+    return FRESH if (digests(positions) == found.places).all() else MOVED
 
 
 def _write_attributes(
     mesh: bpy.types.Mesh, old: npt.NDArray[np.float32], new: npt.NDArray[np.float32]
 ) -> None:
-    marks = marks_of(old, arrays.read_attribute(mesh.attributes[".edge_verts"]), len(mesh.polygons))
-    values = (marks.vertices, marks.counts, marks.edges, marks.places)
     _write(mesh, MOVE, ("FLOAT_VECTOR", "POINT"), movement(old, new))
-    for (name, kind), each in zip(_KINDS.items(), values, strict=True):
-        _write(mesh, name, kind, each)
+    marks.write(mesh, marks.SHAPE, marks_of(old, marks.connectivity(mesh)))
 
 
 def _write_sharp(obj: bpy.types.Object, target: MeshTarget, result: Reshaped) -> None:
@@ -123,11 +112,3 @@ def _write_sharp(obj: bpy.types.Object, target: MeshTarget, result: Reshaped) ->
 
 def _write(mesh: bpy.types.Mesh, name: str, kind: tuple[str, str], values: npt.NDArray) -> None:
     arrays.write_attribute(arrays.find_or_add_attribute(mesh, name, *kind), values)
-
-
-def _read_marks(mesh: bpy.types.Mesh) -> Marks | None:
-    found = [arrays.find_attribute(mesh, name, *kind) for name, kind in _KINDS.items()]
-    move = arrays.find_attribute(mesh, MOVE, "FLOAT_VECTOR", "POINT")
-    if move is None or any(each is None for each in found):
-        return None
-    return Marks(*map(arrays.read_attribute, found))

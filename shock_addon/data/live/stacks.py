@@ -7,9 +7,9 @@ from typing import Any
 
 import bpy
 
-from ..chosen import live_modifier
+from ..chosen import live_modifier, live_modifiers
 from ..skipped import Skipped
-from . import nodes
+from . import graph
 
 _BOUND = {"MULTIRES", "SOFT_BODY"}
 """Modifiers that need the mesh itself right below them."""
@@ -19,7 +19,7 @@ def check(obj: bpy.types.Object) -> None:
     """Raise `Skipped` if no modifier can stand first in the stack."""
     if obj.library is not None:
         raise Skipped("it is linked from another file; make it local first")
-    if live_modifier(obj) is not None:
+    if live_modifiers(obj):
         return
     for modifier in obj.modifiers:
         if modifier.type in _BOUND:
@@ -30,15 +30,22 @@ def check(obj: bpy.types.Object) -> None:
             )
 
 
-def add(obj: bpy.types.Object, mark_sharp: bool) -> bpy.types.NodesModifier:
-    """Put the modifier first in the stack; one that is there keeps its place and its inputs."""
-    modifier = live_modifier(obj)
+def add(obj: bpy.types.Object, tree: bpy.types.NodeTree, key: str) -> bpy.types.NodesModifier:
+    """Put a modifier with a group first in the stack; one that is there keeps its place.
+
+    Parameters
+    ----------
+    obj : bpy.types.Object
+    tree : bpy.types.NodeTree
+    key : str
+        `LIVE_STAMP`, or `LIVE_COLORS`: what groups of that kind have.
+    """
+    modifier = live_modifier(obj, key)
     if modifier is not None:
         return modifier
-    modifier = obj.modifiers.new(nodes.NAME, "NODES")
-    modifier.node_group = nodes.find_or_build()
+    modifier = obj.modifiers.new(tree.name, "NODES")
+    modifier.node_group = tree
     obj.modifiers.move(len(obj.modifiers) - 1, 0)
-    write_input(modifier, nodes.MARK_SHARP, mark_sharp)
     return modifier
 
 
@@ -49,7 +56,7 @@ def users_of(mesh: bpy.types.Mesh) -> list[bpy.types.Object]:
 
 def read_input(modifier: bpy.types.NodesModifier, name: str) -> Any:
     """Return the value of an input of the group."""
-    key = nodes.input_of(modifier.node_group, name)
+    key = graph.input_of(modifier.node_group, name)
     if hasattr(modifier, "properties"):  # Blender 5.2
         return getattr(modifier.properties.inputs, key).value
     return modifier[key]
@@ -57,7 +64,7 @@ def read_input(modifier: bpy.types.NodesModifier, name: str) -> Any:
 
 def write_input(modifier: bpy.types.NodesModifier, name: str, value: Any) -> None:
     """Set an input of the group."""
-    key = nodes.input_of(modifier.node_group, name)
+    key = graph.input_of(modifier.node_group, name)
     if hasattr(modifier, "properties"):
         getattr(modifier.properties.inputs, key).value = value
     else:
@@ -67,7 +74,7 @@ def write_input(modifier: bpy.types.NodesModifier, name: str, value: Any) -> Non
 
 def link_input(modifier: bpy.types.NodesModifier, name: str, attribute: str) -> None:
     """Let an input of the group read an attribute or a vertex group."""
-    key = nodes.input_of(modifier.node_group, name)
+    key = graph.input_of(modifier.node_group, name)
     if hasattr(modifier, "properties"):
         socket = getattr(modifier.properties.inputs, key)
         socket.type, socket.attribute_name = "ATTRIBUTE", attribute
@@ -79,17 +86,19 @@ def link_input(modifier: bpy.types.NodesModifier, name: str, attribute: str) -> 
 
 def linked_input(modifier: bpy.types.NodesModifier, name: str) -> str:
     """Name the attribute or vertex group that an input reads; empty for a value."""
-    key = nodes.input_of(modifier.node_group, name)
+    key = graph.input_of(modifier.node_group, name)
     if hasattr(modifier, "properties"):
         socket = getattr(modifier.properties.inputs, key)
         return socket.attribute_name if socket.type == "ATTRIBUTE" else ""
     return modifier[f"{key}_attribute_name"] if modifier[f"{key}_use_attribute"] else ""
 
 
-def draw_input(layout: bpy.types.UILayout, modifier: bpy.types.NodesModifier, name: str) -> None:
+def draw_input(
+    layout: bpy.types.UILayout, modifier: bpy.types.NodesModifier, name: str, label: str
+) -> None:
     """Draw the value of an input."""
-    key = nodes.input_of(modifier.node_group, name)
+    key = graph.input_of(modifier.node_group, name)
     if hasattr(modifier, "properties"):
-        layout.prop(getattr(modifier.properties.inputs, key), "value", text=name)
+        layout.prop(getattr(modifier.properties.inputs, key), "value", text=label)
     else:
-        layout.prop(modifier, f'["{key}"]', text=name)
+        layout.prop(modifier, f'["{key}"]', text=label)

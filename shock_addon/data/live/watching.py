@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -21,13 +22,13 @@ _counted = -1
 _states: dict[int, str] = {}
 """What panels show of meshes, by uids, until they change."""
 
-changes = 0
-"""How many changes there were of sources of live copies."""
+changed_at = 0.0
+"""When a source of live copies changed last, by `time.monotonic`."""
 
 
 def note(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
     """Look at what has changed; Blender calls it after each evaluation."""
-    global changes
+    global changed_at
     _find_copies()
     if not (_copies or _states):
         return
@@ -39,7 +40,7 @@ def note(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
     for uid, sources in list(_copies.items()):
         if sources & uids:
             _changed.add(uid)
-            changes += 1
+            changed_at = time.monotonic()
             copy = _object(uid)
             source = None if copy is None else live_source(copy)
             _copies[uid] = set() if source is None else dependencies(source)

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ....core.host.inputs import ColoredSurface, PaintedSurface
-from .. import MOVE, arrays
+from ....core.host.inputs import ColoredSurface, MirroredSurface, PaintedSurface
+from .. import DIFFERENCE, MOVE, arrays
 from . import shape_keys
 from .colors import write_colors
 from .geometry import write_geometry
@@ -92,6 +92,9 @@ class Original:
         move = arrays.find_attribute(mesh, MOVE, "FLOAT_VECTOR", "POINT")
         if move is not None:
             attributes[_LIVE] = move
+        colors = mesh.attributes.get(DIFFERENCE)
+        if colors is not None and arrays.is_readable(colors):
+            attributes[_LIVE, DIFFERENCE] = colors
         if self._attribute and self._attribute in mesh.color_attributes:
             attributes[_COLORS, self._attribute] = mesh.color_attributes[self._attribute]
         places = {part: arrays.stored(attribute)[:3] for part, attribute in attributes.items()}
@@ -118,6 +121,8 @@ def show(target: MeshTarget, original: Original, result: Any) -> None:
     original.check_shown()
     original.restore()
     try:
+        if not isinstance(target.surface, MirroredSurface):
+            _put_away_live_colors(find(target).data)
         if isinstance(target.surface, PaintedSurface):
             shape, paint = split(target)
             _show_shape(shape, original, result.shape)
@@ -128,6 +133,12 @@ def show(target: MeshTarget, original: Original, result: Any) -> None:
             _show_shape(target, original, result)
     finally:
         original.note_shown()
+
+
+def _put_away_live_colors(mesh: bpy.types.Mesh) -> None:
+    colors = mesh.attributes.get(DIFFERENCE)
+    if colors is not None and arrays.is_readable(colors):  # they would come on top
+        arrays.write_attribute(colors, np.zeros((len(colors.data), 3), dtype=np.float32))
 
 
 def _show_shape(target: MeshTarget, original: Original, result: Reshaped) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,8 @@ from ....core.base.memo import equal
 from .. import arrays
 from .targets import MeshTarget, find
 from .vertex_groups import carry
+
+_NAME = "shock_filter"
 
 _WRITTEN = ("position", "sharp_edge", "custom_normal")
 """Attributes that a run may change, besides colors."""
@@ -135,16 +137,50 @@ def _contents(mesh: bpy.types.Mesh) -> dict[str, Any]:
 
 
 def _copy(obj: bpy.types.Object) -> bpy.types.Object:
-    graph = bpy.context.evaluated_depsgraph_get()
-    mesh = bpy.data.meshes.new_from_object(
-        obj.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph
-    )
+    with _evaluated(obj) as (seen, graph):
+        # Blender evaluates the modifiers once more to preserve weights, which it may have left out.
+        mesh = bpy.data.meshes.new_from_object(
+            seen, preserve_all_data_layers=bool(obj.vertex_groups), depsgraph=graph
+        )
     new = obj.copy()
     new.modifiers.clear()
     new.data = mesh
     if new.parent_type in _DEFORMING:
         new.parent_type = "OBJECT"
     return new
+
+
+@contextmanager
+def _evaluated(
+    obj: bpy.types.Object,
+) -> Iterator[tuple[bpy.types.Object, bpy.types.Depsgraph]]:
+    """Give an object as it is evaluated, in a scene of its own where it is not otherwise."""
+    if _is_evaluated(obj):
+        graph = bpy.context.evaluated_depsgraph_get()
+        yield obj.evaluated_get(graph), graph
+        return
+    with ExitStack() as stack:
+        other = obj.copy()
+        stack.callback(bpy.data.objects.remove, other)
+        other.hide_viewport = False
+        scene = bpy.data.scenes.new(_NAME)
+        stack.callback(bpy.data.scenes.remove, scene)
+        scene.frame_set(bpy.context.scene.frame_current)
+        scene.collection.objects.link(other)
+        layer = scene.view_layers[0]
+        layer.update()
+        yield other.evaluated_get(layer.depsgraph), layer.depsgraph
+
+
+def _is_evaluated(obj: bpy.types.Object) -> bool:
+    # Blender leaves out what is disabled, but not what is hidden.
+    layer = bpy.context.view_layer
+    if obj.hide_viewport or obj.name not in layer.objects:
+        return False
+    collections = [layer.layer_collection]
+    for each in collections:
+        collections += each.children
+    return any(each.is_visible and obj.name in each.collection.objects for each in collections)
 
 
 def _remove(new: bpy.types.Object) -> None:

@@ -9,26 +9,33 @@ import scene
 from harness import (
     DRAWN,
     MODULE,
+    PICTURES,
     Steps,
     addon,
     area,
+    button,
+    crop,
     fingerprint,
     finished,
+    move,
     open_tab,
     over,
     park,
     picture,
+    region,
     report,
     run,
-    running,
 )
 
 STEPS = 20
+DABS = 20
+LOOP = PICTURES / "live-loop"
 
 
 def scenario() -> Steps:
     """Go through them."""
     bpy.context.preferences.edit.undo_steps = 3 * STEPS
+    LOOP.mkdir()
     scene.clear()
     operand = add_stack()
     scene.look()
@@ -36,8 +43,8 @@ def scenario() -> Steps:
     yield from park()
     yield from make_copy()
     yield from follow(operand.name)
-    yield from undo_and_redo()
     yield from paint()
+    yield from undo_and_redo()
 
 
 def add_stack() -> bpy.types.Object:
@@ -81,6 +88,7 @@ def make_copy() -> Steps:
     run("sharpen_geometry", output="LIVE")
     yield from finished()
     copy = bpy.context.object
+    copy.select_set(False)  # its outline would hide the creases
     seen["name"], seen["state"] = copy.name, live().state(copy)
     seen["vertices"] = len(copy.data.vertices)
     seen["modifiers"] = [each.name for each in copy.modifiers]
@@ -99,17 +107,23 @@ def follow(name: str) -> Steps:
     seen["by_hand"] = time.monotonic() - start
     with over():
         bpy.ops.shock_filter.auto_update_live()
-    seen["seconds"] = []
-    for _ in range(3):
+    seen["seconds"], seen["states"] = [], []
+    yield from record(3)
+    for _ in range(4):
+        start = time.monotonic()
         bpy.data.objects[name].location.x -= 0.1
         bpy.context.view_layer.update()
-        start = time.monotonic()
         seen["noticed"] = live().state(bpy.data.objects[copy])
-        while live().state(bpy.data.objects[copy]) != "fresh" or running():
+        mesh = bpy.data.objects[copy].data.session_uid
+        while bpy.data.objects[copy].data.session_uid == mesh:  # asking for its state takes long
             if time.monotonic() > start + 90.0:
                 raise TimeoutError("The copy does not follow.")
             yield 0.02
         seen["seconds"].append(time.monotonic() - start)
+        yield DRAWN
+        yield from finished()
+        seen["states"].append(live().state(bpy.data.objects[copy]))
+        yield from record(3)
     seen["after"] = seen_state(copy)
     yield DRAWN
     picture("live-followed", area("VIEW_3D"), width=1400)
@@ -119,6 +133,9 @@ def undo_and_redo() -> Steps:
     """Undo and redo, with Auto Update, which must not end that."""
     seen = report["undone"] = {}
     name = report["made"]["name"]
+    bpy.data.objects["Part"].modifiers["Remesh"].voxel_size = 0.08  # many steps
+    with over():
+        bpy.ops.shock_filter.update_live("EXEC_DEFAULT", True)
     amount = [each for each in bpy.data.node_groups if "shock_filter_live" in each]
     seen["groups"] = len(amount)
     yield DRAWN
@@ -156,6 +173,78 @@ def paint() -> Steps:
     yield DRAWN
     seen["mode"] = bpy.context.mode
     seen["same"] = seen_state(name)["positions"] == before["positions"]
+    seen["frames"] = {}
+    modifier = bpy.context.object.modifiers["Shock Filter"]
+    take_brush()
+    for row, name in enumerate(("warm", "live", "plain", "live", "plain")):
+        modifier.show_viewport = name != "plain"  # plain: Blender's painting alone
+        yield DRAWN
+        frames = yield from stroke(0.35 + 0.02 * row)
+        seen["frames"].setdefault(name, []).extend(frames)
+    modifier.show_viewport = True
+    yield DRAWN
     picture("live-painting", area("VIEW_3D"), width=1400)
     bpy.ops.object.mode_set(mode="OBJECT")
+    seen["moved"] = moved_outside(bpy.data.objects[report["made"]["name"]])
     seen["module"] = MODULE
+
+
+def take_brush() -> None:
+    """Take a brush that paints with weight 0."""
+    tools = bpy.context.tool_settings
+    if tools.weight_paint.brush is None:  # Debian's Blender comes without brushes
+        bpy.data.brushes.new("Out", mode="WEIGHT_PAINT").asset_mark()
+        with over():
+            bpy.ops.brush.asset_activate(
+                asset_library_type="LOCAL", relative_asset_identifier="Brush/Out"
+            )
+    in_5 = getattr(tools.weight_paint, "unified_paint_settings", None)
+    for owner in (in_5 or tools.unified_paint_settings, tools.weight_paint.brush):
+        owner.weight, owner.size = 0.0, 40
+        owner.strength = 1.0
+
+
+def stroke(height: float) -> Steps:
+    """Paint a stroke across the object; the generator returns the seconds between frames."""
+    drawn: list[float] = []
+    handler = bpy.types.SpaceView3D.draw_handler_add(
+        lambda: drawn.append(time.perf_counter()), (), "WINDOW", "POST_PIXEL"
+    )
+    view = region("VIEW_3D")
+    x, y = view.x + view.width * 0.35, view.y + view.height * height
+    move(x, y)
+    yield 0.3
+    button("mousedown")
+    yield 0.1
+    drawn.clear()
+    for step in range(DABS):
+        move(x + step * 0.15 * view.width / DABS, y)
+        yield 0.03
+    found = np.diff(drawn).tolist()
+    button("mouseup")
+    yield DRAWN
+    bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
+    return found
+
+
+def record(count: int) -> Steps:
+    """Keep so many pictures of the 3D view."""
+    for _ in range(count):
+        number = len(list(LOOP.glob("*.npy")))
+        np.save(LOOP / f"{number:03}.npy", crop(area("VIEW_3D"))[::-1])
+        yield 0.2
+
+
+def moved_outside(obj: bpy.types.Object) -> dict:
+    """Count the vertices that were painted out, and how many of these move."""
+    bpy.context.view_layer.update()
+    mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    weights = np.array([sum(each.weight for each in v.groups) for v in obj.data.vertices])
+    places = []
+    for each in (obj.data, mesh):
+        points = np.empty(3 * len(each.vertices), np.float32)
+        each.attributes["position"].data.foreach_get("vector", points)
+        places.append(points.reshape(-1, 3))
+    moves = (places[0] != places[1]).any(axis=1)
+    return {"out": int((weights == 0).sum()), "moved": int((moves & (weights == 0)).sum()),
+            "shown": int(moves.sum())}  # fmt: skip

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live textures: nodes in materials that mix an image with its result.
+
+A group of shader nodes, *Shock Filter Texture*, stands between the node of the image and what reads
+it; a node beside that of the image holds the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from .. import LIVE_TEXTURE
+from ..materials import image_nodes, live_mix
+from .textures import materials_of
+
+NAME = "Shock Filter Texture"
+VERSION = 1
+
+AMOUNT, MASK, OLD, NEW = "Amount", "Mask", "Old", "New"
+"""Inputs of the group, beside the opacities."""
+
+_OPACITY = "{} Opacity"
+_COPIED = ("interpolation", "projection", "projection_blend", "extension")
+_BESIDE = 320.0
+"""How far new nodes are from that of the image."""
+
+
+def show(
+    names: list[str],
+    old: bpy.types.Image,
+    new: bpy.types.Image,
+    mask: bpy.types.Image | None,
+    is_inverted: bool,
+) -> None:
+    """Mix an image with its result in the materials of the objects of these names.
+
+    Nodes that mix it already get the new result, and keep their amount and their mask.
+
+    Parameters
+    ----------
+    names : list of str
+    old, new : bpy.types.Image
+    mask : bpy.types.Image or None
+        What new nodes take as their mask.
+    is_inverted : bool
+        Whether the result is seen where the mask is black.
+    """
+    for node in _nodes(names, old):
+        if _result_of(node) is None:
+            _insert(node)
+            if mask is not None:
+                _link_mask(node, mask, is_inverted)
+        _result_of(node).image = new
+
+
+def remove(names: list[str], old: bpy.types.Image) -> bool:
+    """Take these nodes away again, so that the image is seen; return whether there were any."""
+    found = [node for node in _nodes(names, old) if _result_of(node) is not None]
+    for node in found:
+        tree, mix, result = node.id_data, live_mix(node), _result_of(node)
+        for output, own in zip(mix.outputs, node.outputs, strict=True):
+            for link in list(output.links):
+                tree.links.new(own, link.to_socket)
+        masks = [each for each in tree.nodes if each.label == _mask_label(mix)]
+        for each in (mix, result, *masks):
+            tree.nodes.remove(each)
+    return bool(found)
+
+
+def results(names: list[str], old: bpy.types.Image) -> list[bpy.types.ShaderNodeTexImage]:
+    """List the nodes with results of an image, in the materials of the objects of these names."""
+    found = [_result_of(node) for node in _nodes(names, old)]
+    return [node for node in found if node is not None]
+
+
+def _nodes(names: list[str], old: bpy.types.Image) -> Iterator[bpy.types.ShaderNodeTexImage]:
+    # Those with the image in materials of this file, but for results of a run on its result.
+    for material in materials_of(names):
+        for node in image_nodes(material):
+            is_own = node.id_data.library is None and material.library is None
+            if node.image == old and is_own and live_mix(node, NEW) is None:
+                yield node
+
+
+def _result_of(node: bpy.types.ShaderNodeTexImage) -> bpy.types.ShaderNodeTexImage | None:
+    mix = live_mix(node)
+    links = [] if mix is None else mix.inputs[NEW].links
+    return links[0].from_node if links else None
+
+
+def _mask_label(mix: bpy.types.Node) -> str:
+    return f"{MASK} of {mix.name}"
+
+
+def _link_mask(
+    node: bpy.types.ShaderNodeTexImage, mask: bpy.types.Image, is_inverted: bool
+) -> None:
+    tree, mix = node.id_data, live_mix(node)
+    where = _add_image(node, -2.0 * _BESIDE)
+    where.image, where.label = mask, _mask_label(mix)
+    output = where.outputs["Color"]
+    if is_inverted:
+        inverse = tree.nodes.new("ShaderNodeInvert")
+        inverse.label = where.label
+        inverse.location = where.location[0] + _BESIDE, where.location[1]
+        tree.links.new(output, inverse.inputs["Color"])
+        output = inverse.outputs["Color"]
+    tree.links.new(output, mix.inputs[MASK])
+
+
+def _insert(node: bpy.types.ShaderNodeTexImage) -> None:
+    tree = node.id_data
+    mix = tree.nodes.new("ShaderNodeGroup")
+    mix.node_tree = _find_or_build()
+    mix.location = node.location[0] + _BESIDE, node.location[1]
+    result = _add_image(node, -_BESIDE)
+    result.label = NAME
+    for output, own in zip(mix.outputs, node.outputs, strict=True):
+        for link in list(own.links):
+            tree.links.new(output, link.to_socket)
+    for each, name in ((node, OLD), (result, NEW)):
+        tree.links.new(each.outputs["Color"], mix.inputs[name])
+        tree.links.new(each.outputs["Alpha"], mix.inputs[_OPACITY.format(name)])
+
+
+def _add_image(node: bpy.types.ShaderNodeTexImage, below: float) -> bpy.types.ShaderNodeTexImage:
+    # Lies on the surface as the other one.
+    tree = node.id_data
+    new = tree.nodes.new("ShaderNodeTexImage")
+    new.location = node.location[0], node.location[1] + below
+    for name in _COPIED:
+        setattr(new, name, getattr(node, name))
+    for link in node.inputs["Vector"].links:
+        tree.links.new(link.from_socket, new.inputs["Vector"])
+    return new
+
+
+def _find_or_build() -> bpy.types.NodeTree:
+    for tree in bpy.data.node_groups:
+        if tree.library is None and tree.get(LIVE_TEXTURE) == VERSION:
+            return tree
+    tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
+    tree[LIVE_TEXTURE] = VERSION
+    _build(tree)
+    return tree
+
+
+def _build(tree: bpy.types.NodeTree) -> None:
+    add = tree.interface.new_socket
+    for name, kind in (("Color", "NodeSocketColor"), ("Alpha", "NodeSocketFloat")):
+        add(name, in_out="OUTPUT", socket_type=kind)
+    amount = add(AMOUNT, in_out="INPUT", socket_type="NodeSocketFloat")
+    amount.description = "How much of the result is seen: 0 none of it, 1 all, 2 twice as much"
+    amount.default_value, amount.min_value, amount.max_value = 1.0, -1.0, 2.0
+    mask = add(MASK, in_out="INPUT", socket_type="NodeSocketFloat")
+    mask.description = "Where it is seen, 0 to 1"
+    mask.default_value, mask.min_value, mask.max_value = 1.0, 0.0, 1.0
+    for name in (OLD, NEW):
+        add(name, in_out="INPUT", socket_type="NodeSocketColor")
+    for name in (OLD, NEW):
+        opacity = add(_OPACITY.format(name), in_out="INPUT", socket_type="NodeSocketFloat")
+        opacity.default_value = 1.0
+
+    given, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    share = tree.nodes.new("ShaderNodeMath")
+    share.operation = "MULTIPLY"
+    tree.links.new(given.outputs[AMOUNT], share.inputs[0])
+    tree.links.new(given.outputs[MASK], share.inputs[1])
+    ways = ("RGBA", "{}", "Color"), ("FLOAT", _OPACITY, "Alpha")
+    for row, (kind, way, output) in enumerate(ways):
+        mix = tree.nodes.new("ShaderNodeMix")
+        mix.data_type, mix.clamp_factor = kind, False
+        ends = {socket.identifier: socket for socket in (*mix.inputs, *mix.outputs)}
+        name = "Color" if kind == "RGBA" else "Float"
+        tree.links.new(share.outputs[0], ends["Factor_Float"])
+        tree.links.new(given.outputs[way.format(OLD)], ends[f"A_{name}"])
+        tree.links.new(given.outputs[way.format(NEW)], ends[f"B_{name}"])
+        tree.links.new(ends[f"Result_{name}"], end.inputs[output])
+        mix.location = 400.0, -250.0 * row
+    share.location, end.location = (200.0, 100.0), (650.0, 0.0)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Textures with the output Live: nodes that mix an image with its result."""
+
+import bpy
+import numpy as np
+import pytest
+from shock_filter.shock_addon.data.image import images, mixing
+from shock_filter.shock_addon.data.materials import live_mix
+
+sharpen = bpy.ops.shock_filter.sharpen_texture
+SIZE = 32
+
+
+def add_image(name, pixels, is_data=True):
+    image = bpy.data.images.new(name, SIZE, SIZE, alpha=True, float_buffer=True, is_data=is_data)
+    image.pixels.foreach_set(np.ascontiguousarray(pixels, dtype=np.float32).reshape(-1))
+    image.update()
+    return image
+
+
+@pytest.fixture
+def wood():
+    """Return an image with a soft border, on a sheet that shows it by Emission."""
+    place = (np.arange(SIZE) + 0.5) / SIZE
+    step = np.broadcast_to(0.5 + 0.4 * np.tanh((place - 0.5) / 0.1), (SIZE, SIZE))
+    image = add_image("Wood", np.stack([step, 1 - step, step, 1 + 0 * step], axis=-1))
+    bpy.ops.mesh.primitive_plane_add(size=2)
+    material = bpy.data.materials.new("Wood")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    node, light, end = map(
+        tree.nodes.new, ("ShaderNodeTexImage", "ShaderNodeEmission", "ShaderNodeOutputMaterial")
+    )
+    node.image, node.interpolation = image, "Closest"
+    tree.links.new(node.outputs["Color"], light.inputs["Color"])
+    tree.links.new(light.outputs["Emission"], end.inputs["Surface"])
+    bpy.context.object.data.materials.append(material)
+    return image
+
+
+def tree():
+    return bpy.data.materials["Wood"].node_tree
+
+
+def node_of(image):
+    return next(each for each in tree().nodes if getattr(each, "image", None) == image)
+
+
+def baked():
+    """Return what is seen of the sheet, texel by texel."""
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    scene.cycles.device = "CPU"
+    image = bpy.data.images.get("Baked") or add_image("Baked", np.zeros((SIZE, SIZE, 4)))
+    target = tree().nodes.new("ShaderNodeTexImage")
+    target.image, tree().nodes.active = image, target
+    bpy.ops.object.bake(type="EMIT", margin=0)
+    tree().nodes.remove(target)
+    return images.read_pixels(image)[..., :3].copy()
+
+
+def amount(value):
+    live_mix(node_of(bpy.data.images["Wood"])).inputs[mixing.AMOUNT].default_value = value
+
+
+def test_amounts_go_from_the_image_to_the_result(wood):
+    before = baked()
+    assert sharpen(output="LIVE") == {"FINISHED"}
+    result = images.read_pixels(bpy.data.images["Wood sharpened"])[..., :3]
+    assert np.abs(result - before).max() > 0.05
+    for value in (1.0, 0.0, 0.5, 2.0, -1.0):
+        amount(value)
+        want = before + value * (result - before)
+        np.testing.assert_allclose(baked(), want, rtol=0, atol=2e-6)
+    assert node_of(wood).image == wood
+
+
+def test_pressing_again_starts_from_the_image_and_keeps_the_amount(wood):
+    sharpen(output="LIVE")
+    amount(0.25)
+    first, count = bpy.data.images["Wood sharpened"], len(tree().nodes)
+    sharpen(output="LIVE", time=4.0)
+    assert len(tree().nodes) == count
+    (node,) = mixing.results(["Plane"], wood)
+    assert node.image not in (wood, first) and node.interpolation == "Closest"
+    mix = live_mix(node_of(wood))
+    assert mix.inputs[mixing.AMOUNT].default_value == 0.25
+
+
+def test_another_output_takes_the_nodes_away(wood):
+    nodes = [each.bl_idname for each in tree().nodes]
+    mask = add_image("Mask", np.ones((SIZE, SIZE, 4)))
+    sharpen(output="LIVE", mask_image=mask.name, invert_mask=True)
+    assert len(tree().nodes) > len(nodes)
+    sharpen(output="NEW", image=wood.name)
+    assert [each.bl_idname for each in tree().nodes] == nodes
+    result = next(each.image for each in tree().nodes if each.type == "TEX_IMAGE")
+    np.testing.assert_allclose(baked(), images.read_pixels(result)[..., :3], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_a_mask_image_can_be_painted_afterwards(wood, inverted):
+    before = baked()
+    pixels = np.ones((SIZE, SIZE, 4), np.float32)
+    mask = add_image("Mask", pixels)
+    sharpen(output="LIVE", mask_image=mask.name, invert_mask=inverted)
+    result = images.read_pixels(bpy.data.images["Wood sharpened"])[..., :3]
+    np.testing.assert_allclose(baked(), before if inverted else result, rtol=0, atol=2e-6)
+    pixels[: SIZE // 2, :, :3] = 0.0
+    images.write_parts(mask, {images.UNTILED: pixels}, pack=False)
+    mask.update()
+    shown = baked()
+    one, other = (result, before) if inverted else (before, result)
+    np.testing.assert_allclose(shown[: SIZE // 2], one[: SIZE // 2], rtol=0, atol=2e-6)
+    np.testing.assert_allclose(shown[SIZE // 2 :], other[SIZE // 2 :], rtol=0, atol=2e-6)
+
+
+def test_before_and_after_swap_it(wood):
+    before = baked()
+    sharpen(output="LIVE")
+    after = baked()
+    assert (after != before).any()
+    bpy.ops.shock_filter.before_after()
+    np.testing.assert_allclose(baked(), before, rtol=0, atol=2e-6)
+    bpy.ops.shock_filter.before_after()
+    np.testing.assert_array_equal(baked(), after)
+    assert node_of(wood).image == wood
+
+
+def test_normal_maps_are_known_behind_the_mix(wood):
+    bumps = tree().nodes.new("ShaderNodeNormalMap")
+    tree().links.new(node_of(wood).outputs["Color"], bumps.inputs["Color"])
+    from shock_filter.shock_addon.data.image.maps import normals_in
+
+    assert normals_in(bpy.context, wood) == "normals"
+    sharpen(output="LIVE")
+    assert live_mix(node_of(wood)) is not None
+    assert normals_in(bpy.context, wood) == "normals"
+
+
+@pytest.mark.parametrize("name", ["dilate", "denoise", "filter", "fill"])
+def test_other_filters_of_textures_have_it_too(wood, name):
+    getattr(bpy.ops.shock_filter, f"{name}_texture")(output="LIVE")
+    found = mixing.results(["Plane"], wood)
+    assert [node.image for node in found] != [wood]
+    assert node_of(wood).image == wood
