@@ -65,6 +65,10 @@ from .maps.occlusion import (
     bent_normals,
     thickness,
 )
+from .maps.wear import (
+    vertex_wear,
+    wear,
+)
 from .mesh.curvature import (
     Curvatures,
     curvature,
@@ -72,7 +76,6 @@ from .mesh.curvature import (
 from .mesh.directions import (
     axis_directions,
     gradient_directions,
-    principal_curvatures,
     principal_directions,
 )
 from .mesh.triangle_mesh import (
@@ -120,6 +123,7 @@ from .settings import (
     TextureSettings,
     ThicknessSettings,
     TileSettings,
+    WearSettings,
 )
 from .shape.crease_lines import (
     CreaseLine,
@@ -211,6 +215,7 @@ __all__ = [
     "TileSettings",
     "TriangleMesh",
     "UVReport",
+    "WearSettings",
     "advect_dye",
     "advect_noise",
     "advect_on_surface",
@@ -246,7 +251,6 @@ __all__ = [
     "make_tileable",
     "object_normals",
     "osher_rudin_image",
-    "principal_curvatures",
     "principal_directions",
     "reaction_diffusion",
     "remove_blocks",
@@ -261,6 +265,8 @@ __all__ = [
     "tangent_normals",
     "thickness",
     "vertex_distance",
+    "vertex_wear",
+    "wear",
     "weld",
     "weld_borders",
 ]

@@ -148,7 +148,6 @@ CALLS = {
     "osher_rudin_image": Call(
         {"image": IMAGE, "steps": 2, "time_step": 0.3, "edge_detector": "laplacian"}
     ),
-    "principal_curvatures": Call({"mesh": MESH, "passes": 2}),
     "principal_directions": Call({"mesh": MESH, "which": "most", "passes": 2}),
     "reaction_diffusion": Call(
         {**_DRAWN, "start": _RANDOM.random((*SIZE, 2)), "rates": 1 + GRAY,
