@@ -56,6 +56,9 @@ from .errors import (
 from .flow.potential import (
     flow_field,
 )
+from .maps.baking import (
+    bake_maps,
+)
 from .maps.curvature_map import (
     curvature_directions,
     curvature_map,
@@ -99,6 +102,7 @@ from .repair.tiling import (
     make_tileable,
 )
 from .settings import (
+    BakeSettings,
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,
@@ -176,6 +180,7 @@ from .texture.streaks import (
 )
 
 __all__ = [
+    "BakeSettings",
     "BeltramiGeometrySettings",
     "BeltramiMeshSettings",
     "BeltramiSettings",
@@ -221,6 +226,7 @@ __all__ = [
     "advect_on_surface",
     "ambient_occlusion",
     "axis_directions",
+    "bake_maps",
     "beltrami_corner_signal",
     "beltrami_image",
     "beltrami_joint",

@@ -920,6 +920,35 @@ class WearSettings(_Settings):
 
 
 @_fields
+class BakeSettings(_Settings):
+    """Settings of :func:`shock_filter.core.bake_maps`."""
+
+    look: str = _setting(
+        "values",
+        "What the values of curvature, thickness and displacement are",
+        choices={
+            "values": "The values themselves, in units of the mesh",
+            "gray": "From black to white; flat, and no displacement, is middle gray",
+        },
+    )
+    cage: float = _setting(
+        0.0,
+        "How far from the simple mesh the detailed one is looked for. 0 takes 5 percent of the"
+        " size",
+        unit="units of the mesh",
+        soft_maximum=1.0,
+        length_power=1,
+        auto=0.0,
+        usual=0.1,
+    )
+    rays: int = _changed(OcclusionSettings, "rays", 64)
+    distance: float = _changed(OcclusionSettings, "distance", 0.0)
+    ground: str = _changed(OcclusionSettings, "ground", "none")
+    smoothing: float = _changed(OcclusionSettings, "smoothing", 4.0)
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
 class StreakSettings(_Settings):
     """Settings of :func:`shock_filter.core.surface_line_convolution`."""
 

@@ -171,7 +171,7 @@ def _at_vertices(
         x, y = np.moveaxis(texels, -1, 0)
         grays = given.pop("image")[y % surface.shape[0], x % surface.shape[1]]
         given["vertices"] = mesh.faces[mesh.own_corners(grays >= 0.5)]
-    if settings.source == "seams":
+    if find(name).takes_starts and settings.source == "seams":
         f, k = np.divmod(atlas.charts.borders, 3)
         given["edges"] = np.stack([mesh.faces[f, k], mesh.faces[f, (k + 1) % 3]], axis=1)
         settings = replace(settings, source="given")

@@ -115,13 +115,24 @@ def scaled_to(mesh: TriangleMesh, places: Floats) -> Floats:
 
 def texel_sites(atlas: TextureAtlas) -> Sites:
     """Return the places of the nodes inside charts, in the order of `Sheet.nodes`."""
-    mesh, nodes = atlas.mesh, atlas.sheet.nodes
-    numbers = np.flatnonzero(nodes.reshape(-1) >= 0)
-    sites = Sites(*(np.empty((len(numbers), 3), np.float32) for _ in range(3)), numbers)
-    run(_place, len(numbers), numbers, nodes, atlas.sheet.points,
-        mesh.scaled_vertices[mesh.faces], shading_normals(mesh), mesh.normals,
-        sites.points, sites.normals, sites.facing)  # fmt: skip
-    return sites
+    mesh, nodes = atlas.mesh, atlas.sheet.nodes.reshape(-1)
+    numbers = np.flatnonzero(nodes >= 0)
+    points = read_corners(atlas, numbers, mesh.scaled_vertices[mesh.faces])
+    normals = read_corners(atlas, numbers, shading_normals(mesh))
+    facing = mesh.normals[nodes[numbers]].astype(np.float32)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), facing)
+    return Sites(points, normals, facing, numbers)
+
+
+def read_corners(
+    atlas: TextureAtlas, numbers: npt.NDArray[np.int64], corners: Floats
+) -> _Single:
+    """Interpolate values at the corners of faces (m, 3, c) at nodes inside charts: (k, c)."""
+    out = np.empty((len(numbers), corners.shape[2]), dtype=np.float32)
+    run(_read, len(numbers), numbers, atlas.sheet.nodes, atlas.sheet.points,
+        np.ascontiguousarray(corners), out)  # fmt: skip
+    return out
 
 
 def vertex_sites(mesh: TriangleMesh) -> Sites:
@@ -213,22 +224,16 @@ def look_past_edges(scene: Scene, sites: Sites, rays: int, distance: float) -> _
 
 
 @kernel
-def _place(start, stop, numbers, nodes, places, corners, normals, faces, points, smooth, facing):
-    columns = nodes.shape[1]
+def _read(start, stop, numbers, nodes, places, corners, out):
     for i in range(start, stop):
-        y, x = divmod(numbers[i], columns)
+        y, x = divmod(numbers[i], nodes.shape[1])
         f = nodes[y, x]
         shares = shares_of_corners(places, f, y, x)
-        square = 0.0
-        for c in range(3):
-            place, normal = 0.0, 0.0
+        for c in range(out.shape[1]):
+            total = 0.0
             for k in range(3):
-                place += shares[k] * corners[f, k, c]
-                normal += shares[k] * normals[f, k, c]
-            points[i, c], smooth[i, c], facing[i, c] = place, normal, faces[f, c]
-            square += normal * normal
-        for c in range(3):
-            smooth[i, c] = smooth[i, c] / np.sqrt(square) if square > 1e-24 else 1.0 * (c == 2)
+                total += shares[k] * corners[f, k, c]
+            out[i, c] = total
 
 
 @kernel

@@ -54,7 +54,9 @@ class GenerateOperator(FilterOperator):
     def _write_one(self, target: Any, result: Any) -> bpy.types.Image:
         if target.surface.at_vertices:
             data.replaced.hold([])
-            return data.image.fields.write_attribute(target.objects, result.values)
+            return data.image.fields.write_attribute(
+                target.objects, self.row.target(self).label, result.values
+            )
         pixels = data.image.fields.pixels_of(result.values)
         if target.image_uid:
             image = data.image.images.find_image(target)
@@ -85,7 +87,7 @@ class GenerateOperator(FilterOperator):
         name, size = made.name, "{1} x {0} pixels".format(*target.surface.shape)
         if target.surface.at_vertices:
             name, size = (
-                data.image.fields.ATTRIBUTE,
+                self.row.target(self).label,
                 counted(len(inside), "1 vertex", "{:,} vertices"),
             )
         return text.format(

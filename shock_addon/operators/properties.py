@@ -212,7 +212,7 @@ def _picture(name: str) -> Any:
     )
 
 
-_DRAWN = "distance", "streaks", "pattern", "curvature", "occlusion", "thickness"
+_DRAWN = "distance", "streaks", "pattern", "curvature", "occlusion", "thickness", "wear"
 """Kinds of images that are drawn from the mesh alone."""
 
 _STARTS = [

@@ -24,7 +24,6 @@ from .images import ImageTarget
 from .linking import is_linked
 from .tiles import Tiles
 
-ATTRIBUTE = "Distance"
 _HALF = 0.5
 
 
@@ -114,8 +113,12 @@ def pixels_of(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return pixels
 
 
-def write_attribute(names: list[str], values: npt.NDArray[np.float32]) -> bpy.types.Object:
+def write_attribute(
+    names: list[str], attribute: str, values: npt.NDArray[np.float32]
+) -> bpy.types.Object:
     """Write values at the vertices of the objects of these names, in their order.
+
+    The attribute gets that name.
 
     Returns
     -------
@@ -134,12 +137,12 @@ def write_attribute(names: list[str], values: npt.NDArray[np.float32]) -> bpy.ty
             raise Skipped("it was changed meanwhile; run again")
         for obj in objects:
             skip_if(mesh_refusal(obj.data))
-            there = ATTRIBUTE in obj.data.attributes
-            if there and not arrays.find_attribute(obj.data, ATTRIBUTE, "FLOAT", "POINT"):
-                raise Skipped("it has another attribute named Distance; rename that one")
+            there = attribute in obj.data.attributes
+            if there and not arrays.find_attribute(obj.data, attribute, "FLOAT", "POINT"):
+                raise Skipped("it has another attribute {name}; rename that one", name=attribute)
         for obj, part in zip(objects, np.split(values, np.cumsum(counts)[:-1]), strict=True):
-            attribute = arrays.find_or_add_attribute(obj.data, ATTRIBUTE, "FLOAT", "POINT")
-            arrays.write_attribute(attribute, part)
+            found = arrays.find_or_add_attribute(obj.data, attribute, "FLOAT", "POINT")
+            arrays.write_attribute(found, part)
             obj.data.update()
     return objects[0]
 
