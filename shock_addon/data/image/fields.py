@@ -139,7 +139,7 @@ def write_attribute(
             skip_if(mesh_refusal(obj.data))
             there = attribute in obj.data.attributes
             if there and not arrays.find_attribute(obj.data, attribute, "FLOAT", "POINT"):
-                raise Skipped("it has another attribute {name}; rename that one", name=attribute)
+                raise Skipped("it has another attribute named {name}; rename that one", name=attribute)
         for obj, part in zip(objects, np.split(values, np.cumsum(counts)[:-1]), strict=True):
             found = arrays.find_or_add_attribute(obj.data, attribute, "FLOAT", "POINT")
             arrays.write_attribute(found, part)
@@ -176,21 +176,22 @@ def add_nodes(names: list[str], image: bpy.types.Image, *, activate: bool = Fals
                 obj.material_slots[obj.active_material_index].material = material
             else:
                 obj.data.materials.append(material)
-            _link_to_color(material, _image_node(material, image, activate))
+            _link_to_color(material, image_node(material, image, activate))
         elif material is None or material.library is not None or material.node_tree is None:
             text = pgettext_rpt("{name} cannot take a node; name {image} in one by hand.")
             notes.append(text.format(name=(material or obj).name, image=image.name))
         else:
-            waits |= not is_linked(_image_node(material, image, activate))
+            waits |= not is_linked(image_node(material, image, activate))
     if waits and not activate:
         text = pgettext_rpt("{name} is in the material, not linked yet: press Link.")
         notes.append(text.format(name=image.name))
     return notes
 
 
-def _image_node(
+def image_node(
     material: bpy.types.Material, image: bpy.types.Image, activate: bool
 ) -> bpy.types.Node:
+    """Return the node of an image in a material, a new one if there is none."""
     nodes = material.node_tree.nodes
     before = nodes.active
     others = any(each.image not in {None, image} for each in image_nodes(material))
