@@ -105,6 +105,11 @@ CALLS = {
         {"mesh": MESH, "signal": SIGNAL, "mask": MASK}, core.BeltramiMeshSettings
     ),
     "ambient_occlusion": Call({**_DRAWN, "occluders": [MESH]}, core.OcclusionSettings),
+    "bake_maps": Call(
+        {**_DRAWN, "maps": ["occlusion", "normals"], "high": MESH, "colors": SIGNAL,
+         "normals": NORMALS, "occluders": [MESH]},
+        core.BakeSettings,
+    ),
     "bent_normals": Call({**_DRAWN, "occluders": [MESH]}, core.OcclusionSettings),
     "curvature": Call({"mesh": MESH, "radius": 0.5}),
     "curvature_directions": Call(_DRAWN, core.CurvatureSettings),
@@ -197,6 +202,8 @@ CALLS = {
         core.DistanceSettings, infinite=True,
     ),
     "thickness": Call(_DRAWN, core.ThicknessSettings),
+    "wear": Call({**_DRAWN, "edges": MESH.faces[:, :2]}, core.WearSettings),
+    "vertex_wear": Call({"mesh": MESH, "edges": MESH.faces[:, :2]}, core.WearSettings),
     "weld": Call({"vertices": MESH.vertices}),
     "weld_borders": Call({"vertices": MESH.vertices, "faces": MESH.faces}),
 }  # fmt: skip
