@@ -329,7 +329,8 @@ _PLACES = {
             (
                 "ATTRIBUTE",
                 "Attribute",
-                "An attribute of the vertices, named Distance, for geometry nodes and shaders",
+                "An attribute of the vertices, named Distance or Wear, for geometry nodes and"
+                " shaders",
             ),
         ],
         default="IMAGE",
