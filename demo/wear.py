@@ -22,6 +22,8 @@ from shock_filter import core
 
 SIZE = 512
 PIXELS = 360
+COUNT = 24
+"""Of colors, so that files are small."""
 COLORS = (0.06, 0.1, 0.17, 1.0), (0.85, 0.8, 0.7, 1.0)
 
 
@@ -88,10 +90,10 @@ PARTS = bracket, of_voxels, with_fillets, gear, crate, head
 def wear(folder: Path) -> None:
     """Draw worn edges on all parts, and dirt and dust on some."""
     pictures = [_worn(part, "edges", folder) for part in PARTS]
-    _tile(pictures, 3).save(folder / "wear-edges.png")
-    both = [(part, kind) for kind in ("dirt", "dust") for part in (of_voxels, gear, head)]
+    _tile(pictures, 3).save(folder / "wear-edges.png", optimize=True)
+    both = (gear, "dirt"), (head, "dirt"), (head, "dust")
     pictures = [_worn(part, kind, folder) for part, kind in both]
-    _tile(pictures, 3).save(folder / "wear-dirt-dust.png")
+    _tile(pictures, 3).save(folder / "wear-dirt-dust.png", optimize=True)
 
 
 def road(folder: Path) -> None:
@@ -117,7 +119,7 @@ def road(folder: Path) -> None:
     for shown, hidden in ((high, low), (low, high)):
         hidden.hide_render, shown.hide_render = True, False
         pictures.append(_render(shown, folder / "part.png"))
-    _tile(pictures, 2).save(folder / "road.png")
+    _tile(pictures, 2).save(folder / "road.png", optimize=True)
     shock_filter.unregister()
 
 
@@ -242,7 +244,7 @@ def _tile(pictures: list[Image.Image], columns: int) -> Image.Image:
     for number, picture in enumerate(pictures):
         row, column = divmod(number, columns)
         sheet.paste(picture, (column * PIXELS, row * PIXELS))
-    return sheet
+    return sheet.resize((sheet.width // 2, sheet.height // 2)).quantize(COUNT, dither=0)
 
 
 def main() -> None:

@@ -36,9 +36,7 @@ def with_gutter(atlas: TextureAtlas, sheet: _Single, gutter: int) -> _Single:
     return written(Texture(atlas, empty), sheet, DilateSettings(gutter=gutter), None)
 
 
-def drawn_smoothly(
-    atlas: TextureAtlas, frames: Frames, radii: Floats, signals: Floats
-) -> _Single:
+def drawn_smoothly(atlas: TextureAtlas, frames: Frames, radii: Floats, signals: Floats) -> _Single:
     """Draw signals at the vertices on the sheet, as cubics that go on smoothly between faces.
 
     Parameters

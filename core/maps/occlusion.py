@@ -206,9 +206,7 @@ def thickness(
         return shown_thickness(found, used, settings)
 
 
-def shown_thickness(
-    depths: _Single, atlas: TextureAtlas, settings: ThicknessSettings
-) -> _Single:
+def shown_thickness(depths: _Single, atlas: TextureAtlas, settings: ThicknessSettings) -> _Single:
     """Return depths in units of the mesh (h, w) as `ThicknessSettings.look` says."""
     if settings.look == "thickness":
         return depths

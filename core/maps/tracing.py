@@ -125,9 +125,7 @@ def texel_sites(atlas: TextureAtlas) -> Sites:
     return Sites(points, normals, facing, numbers)
 
 
-def read_corners(
-    atlas: TextureAtlas, numbers: npt.NDArray[np.int64], corners: Floats
-) -> _Single:
+def read_corners(atlas: TextureAtlas, numbers: npt.NDArray[np.int64], corners: Floats) -> _Single:
     """Interpolate values at the corners of faces (m, 3, c) at nodes inside charts: (k, c)."""
     out = np.empty((len(numbers), corners.shape[2]), dtype=np.float32)
     run(_read, len(numbers), numbers, atlas.sheet.nodes, atlas.sheet.points,

@@ -14,7 +14,9 @@ def bake(**choices):
 
 
 def grid(name, cells, height=0.0):
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=cells, y_subdivisions=cells, size=2, calc_uvs=True)
+    bpy.ops.mesh.primitive_grid_add(
+        x_subdivisions=cells, y_subdivisions=cells, size=2, calc_uvs=True
+    )
     obj = bpy.context.object
     obj.name = name
     for vertex in obj.data.vertices:
@@ -46,7 +48,9 @@ def test_all_maps_of_an_object_have_names_that_others_know(low):
     assert np.allclose(read("Low_ao"), 1) and np.allclose(read("Low_curvature"), 0.5)
     assert {node.image.name for node in low.active_material.node_tree.nodes if node.type == "TEX_IMAGE"} == names  # fmt: skip
     assert not low.active_material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].is_linked
-    assert "Baked Low_curvature, Low_ao, Low_thickness of 1 object" in operators.summaries["generate"]
+    assert (
+        "Baked Low_curvature, Low_ao, Low_thickness of 1 object" in operators.summaries["generate"]
+    )
 
 
 def test_a_detailed_object_comes_onto_the_active_one(low, select):

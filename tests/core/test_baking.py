@@ -11,7 +11,9 @@ SIZE = 48, 48
 
 def sheets(height=0.0):
     """A square of two triangles, and a fine one above it, with a bump of this height."""
-    low = core.TriangleMesh([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    low = core.TriangleMesh(
+        [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]]
+    )
     vertices, faces = grid(40, 40)
     vertices = 2 * vertices / np.ptp(vertices[:, 0])
     vertices -= 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
@@ -76,7 +78,9 @@ def test_what_the_cage_does_not_reach_stays_flat():
     low, high, uv = sheets()
     away = core.TriangleMesh(high.vertices + [0, 0, 0.5], high.faces)
     settings = core.BakeSettings(cage=0.1)
-    baked = core.bake_maps(low, uv, settings, size=SIZE, maps=["normals", "displacement"], high=away)
+    baked = core.bake_maps(
+        low, uv, settings, size=SIZE, maps=["normals", "displacement"], high=away
+    )
     assert not baked["displacement"].any()
     assert np.abs(baked["normals"] - [0.5, 0.5, 1.0]).max() < 1e-4
     reached = core.BakeSettings(cage=0.6, look="gray")

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ....core.host.baking import BakeSurface, WorldMesh
+from ....core.host.fields import BakeSurface, WorldMesh
 from .. import arrays
 from ..chosen import mesh_objects, mesh_users
 from ..mesh import meshes

@@ -139,7 +139,9 @@ def write_attribute(
             skip_if(mesh_refusal(obj.data))
             there = attribute in obj.data.attributes
             if there and not arrays.find_attribute(obj.data, attribute, "FLOAT", "POINT"):
-                raise Skipped("it has another attribute named {name}; rename that one", name=attribute)
+                raise Skipped(
+                    "it has another attribute named {name}; rename that one", name=attribute
+                )
         for obj, part in zip(objects, np.split(values, np.cumsum(counts)[:-1]), strict=True):
             found = arrays.find_or_add_attribute(obj.data, attribute, "FLOAT", "POINT")
             arrays.write_attribute(found, part)
