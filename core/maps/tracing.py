@@ -122,7 +122,7 @@ def texel_sites(atlas: TextureAtlas) -> Sites:
     facing = mesh.normals[nodes[numbers]].astype(np.float32)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), facing)
-    return Sites(points, normals, facing, numbers)
+    return Sites(points, normals.astype(np.float32), facing, numbers)
 
 
 def read_corners(atlas: TextureAtlas, numbers: npt.NDArray[np.int64], corners: Floats) -> _Single:
@@ -141,9 +141,9 @@ def vertex_sites(mesh: TriangleMesh) -> Sites:
         normals[:, axis] = np.bincount(
             mesh.faces.reshape(-1), shading[:, axis], minlength=mesh.vertex_count
         )
-    normals = unit_vectors(normals).astype(np.float32)
+    single = unit_vectors(normals).astype(np.float32)
     numbers = np.arange(mesh.vertex_count)
-    return Sites(mesh.scaled_vertices.astype(np.float32), normals, normals, numbers)
+    return Sites(mesh.scaled_vertices.astype(np.float32), single, single, numbers)
 
 
 def shading_normals(mesh: TriangleMesh) -> Floats:

@@ -223,7 +223,7 @@ def _baked() -> Any:
     # A box onto itself; and what is worn along edges alone.
     faces = _textured(_SIZE)[0].faces
     mesh = TriangleMesh(faces.positions, faces.triangles)
-    given = {"high": mesh, "colors": faces.positions, "occluders": [mesh]}
+    given: dict[str, Any] = {"high": mesh, "colors": faces.positions, "occluders": [mesh]}
     for size in (_SIZE, _SOLVED):
         shape = 2 * (size,)
         wear(mesh, faces.uv, WearSettings(rays=4), size=shape, edges=mesh.faces[:, :2])

@@ -46,8 +46,9 @@ def test_all_maps_of_an_object_have_names_that_others_know(low):
     for image in bpy.data.images:
         assert image.is_float and image.colorspace_settings.is_data and image.packed_file
     assert np.allclose(read("Low_ao"), 1) and np.allclose(read("Low_curvature"), 0.5)
-    assert {node.image.name for node in low.active_material.node_tree.nodes if node.type == "TEX_IMAGE"} == names  # fmt: skip
-    assert not low.active_material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].is_linked
+    nodes = low.active_material.node_tree.nodes
+    assert {node.image.name for node in nodes if node.type == "TEX_IMAGE"} == names
+    assert not nodes["Principled BSDF"].inputs["Base Color"].is_linked
     assert (
         "Baked Low_curvature, Low_ao, Low_thickness of 1 object" in operators.summaries["generate"]
     )

@@ -64,9 +64,15 @@ def test_a_mesh_onto_itself_is_flat_and_keeps_its_colors():
     atlas = core.TextureAtlas(ball, uv, size=SIZE)
     colors = 0.5 + 0.5 * ball.vertices
     baked = core.bake_maps(
-        ball, uv, core.BakeSettings(gutter=0), size=SIZE, maps=["normals", "displacement", "colors"],
-        high=ball, colors=colors, atlas=atlas,
-    )  # fmt: skip
+        ball,
+        uv,
+        core.BakeSettings(gutter=0),
+        size=SIZE,
+        maps=["normals", "displacement", "colors"],
+        high=ball,
+        colors=colors,
+        atlas=atlas,
+    )
     inside = atlas.inside
     assert np.abs(baked["displacement"][inside]).max() < 1e-4
     assert np.abs(baked["normals"][inside] - [0.5, 0.5, 1.0]).max() < 0.01
