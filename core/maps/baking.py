@@ -270,9 +270,10 @@ def _checked_maps(
         raise InvalidSettings(f"The maps are {maps!r}; give a list of names.")
     possible = _OF_ONE if high is None else MAPS
     for name in maps:
-        if name not in possible:
-            about = " of a detailed mesh; give it as `high`" if name in MAPS else ""
-            hint = about or f"; there are {', '.join(possible)}"
+        known = isinstance(name, str) and name in MAPS
+        if not known or name not in possible:
+            hint = " of a detailed mesh; give it as `high`"
+            hint = hint if known else f"; there are {', '.join(possible)}"
             raise InvalidSettings(f"There is no map {name!r}{hint}.")
     if "colors" in maps and colors is None:
         raise InvalidSettings("The map of colors needs the detailed mesh's colors; give `colors`.")

@@ -231,7 +231,9 @@ class _Wear:
         place = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
         share = (place / np.maximum(counts[which] - 1, 1))[:, None]
         points = (1.0 - share) * ends[which, 0] + share * ends[which, 1]
-        reach = 2.0 * self._width / mesh.mean_edge_length
+        low, high = mesh.box
+        reach = min(2.0 * self._width, 4.0 * float(np.linalg.norm(high - low)))
+        reach /= mesh.mean_edge_length
         tree = point_tree(scaled_to(mesh, points))
         far, _ = nearest_point(tree, sites.points.astype(np.float64), reach)
         nearness: Floats = np.maximum(1.0 - far / reach, 0.0)

@@ -261,6 +261,8 @@ def wrong_values(value):
         yield from ((changed, value[1]) for changed in _spoiled(np.array(value[0])))
     elif isinstance(value, list) and value and isinstance(value[0], core.TriangleMesh):
         yield from ([*value, None], value[0], [value], tuple(value))
+    elif isinstance(value, list) and value and isinstance(value[0], str):
+        yield from ([*value, "nonsense"], value[0], tuple(value), [None], [np.ones(3)], [])
     elif isinstance(value, np.ndarray | list | tuple):
         yield from _spoiled(np.asarray(value))
 
