@@ -56,6 +56,9 @@ from .errors import (
 from .flow.potential import (
     flow_field,
 )
+from .maps.baking import (
+    bake_maps,
+)
 from .maps.curvature_map import (
     curvature_directions,
     curvature_map,
@@ -65,6 +68,10 @@ from .maps.occlusion import (
     bent_normals,
     thickness,
 )
+from .maps.wear import (
+    vertex_wear,
+    wear,
+)
 from .mesh.curvature import (
     Curvatures,
     curvature,
@@ -72,7 +79,6 @@ from .mesh.curvature import (
 from .mesh.directions import (
     axis_directions,
     gradient_directions,
-    principal_curvatures,
     principal_directions,
 )
 from .mesh.triangle_mesh import (
@@ -96,6 +102,7 @@ from .repair.tiling import (
     make_tileable,
 )
 from .settings import (
+    BakeSettings,
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,
@@ -120,6 +127,7 @@ from .settings import (
     TextureSettings,
     ThicknessSettings,
     TileSettings,
+    WearSettings,
 )
 from .shape.crease_lines import (
     CreaseLine,
@@ -172,6 +180,7 @@ from .texture.streaks import (
 )
 
 __all__ = [
+    "BakeSettings",
     "BeltramiGeometrySettings",
     "BeltramiMeshSettings",
     "BeltramiSettings",
@@ -211,11 +220,13 @@ __all__ = [
     "TileSettings",
     "TriangleMesh",
     "UVReport",
+    "WearSettings",
     "advect_dye",
     "advect_noise",
     "advect_on_surface",
     "ambient_occlusion",
     "axis_directions",
+    "bake_maps",
     "beltrami_corner_signal",
     "beltrami_image",
     "beltrami_joint",
@@ -246,7 +257,6 @@ __all__ = [
     "make_tileable",
     "object_normals",
     "osher_rudin_image",
-    "principal_curvatures",
     "principal_directions",
     "reaction_diffusion",
     "remove_blocks",
@@ -261,6 +271,8 @@ __all__ = [
     "tangent_normals",
     "thickness",
     "vertex_distance",
+    "vertex_wear",
+    "wear",
     "weld",
     "weld_borders",
 ]

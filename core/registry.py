@@ -373,6 +373,18 @@ def _thickness() -> Any:
     return thickness
 
 
+def _wear() -> Any:
+    from .maps.wear import wear
+
+    return wear
+
+
+def _vertex_wear() -> Any:
+    from .maps.wear import vertex_wear
+
+    return vertex_wear
+
+
 def _advect_noise() -> Any:
     from .advection.noise import advect_noise
 
@@ -601,6 +613,19 @@ FILTERS: tuple[Filter, ...] = (
         takes_mask=False,
     ),
     Filter(
+        "wear",
+        "maps.wear",
+        _settings.WearSettings,
+        FIELD,
+        "wear",
+        "draw worn edges, dirt or dust: masks for materials",
+        _wear,
+        is_slow=True,
+        vertices="vertex_wear",
+        load_vertices=_vertex_wear,
+        takes_mask=False,
+    ),
+    Filter(
         "advect_noise",
         "advection.noise",
         _settings.NoiseSettings,
@@ -634,14 +659,14 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "ShockError",
         "SolverError",
     ),
-    "settings": ("ConvolutionSettings", "DyeSettings", "FitSettings"),
+    "settings": ("BakeSettings", "ConvolutionSettings", "DyeSettings", "FitSettings"),
+    "maps.baking": ("bake_maps",),
     "maps.curvature_map": ("curvature_directions",),
     "maps.occlusion": ("bent_normals",),
     "mesh.curvature": ("Curvatures", "curvature"),
     "mesh.directions": (
         "axis_directions",
         "gradient_directions",
-        "principal_curvatures",
         "principal_directions",
     ),
     "mesh.triangle_mesh": ("TriangleMesh",),

@@ -864,6 +864,91 @@ class ThicknessSettings(_Settings):
 
 
 @_fields
+class WearSettings(_Settings):
+    """Settings of :func:`shock_filter.core.wear`."""
+
+    kind: str = _setting(
+        "edges",
+        "What has come onto the surface, or gone",
+        choices={
+            "edges": "Convex edges, rubbed off: more where they are sharper and stick out",
+            "dirt": "Corners and cavities, where nothing wipes",
+            "dust": "What faces up, along the Z axis, below the open sky",
+        },
+    )
+    width: float = _setting(
+        0.0,
+        "How far from an edge wear reaches, how wide the cavities of dirt are, or how high what"
+        " shelters from dust may be. 0 is automatic: 4 or 10 percent of the size, and no limit for"
+        " dust",
+        unit="units of the mesh",
+        soft_maximum=1.0,
+        length_power=1,
+        role="width",
+        auto=0.0,
+        usual=0.1,
+    )
+    amount: float = _setting(
+        1.0, "How much of it there is. 0 is black", unit="times", maximum=100.0, soft_maximum=4.0
+    )
+    breakup: float = _setting(
+        0.6,
+        "How much noise breaks it up. 0 leaves it even",
+        unit="times the range",
+        maximum=1.0,
+    )
+    grain: float = _setting(
+        0.0,
+        "Size of the largest spots of the noise. 0 takes 3 percent of the size",
+        unit="units of the mesh",
+        soft_maximum=1.0,
+        length_power=1,
+        advanced=True,
+        auto=0.0,
+        usual=0.1,
+    )
+    seed: int = _setting(
+        0,
+        "Other numbers give other noise",
+        unit="any number",
+        maximum=2**31 - 1,
+        advanced=True,
+    )
+    rays: int = _changed(OcclusionSettings, "rays", 64)
+    smoothing: float = _changed(OcclusionSettings, "smoothing", 4.0)
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
+class BakeSettings(_Settings):
+    """Settings of :func:`shock_filter.core.bake_maps`."""
+
+    look: str = _setting(
+        "values",
+        "What the values of curvature, thickness and displacement are",
+        choices={
+            "values": "The values themselves, in units of the mesh",
+            "gray": "From black to white; flat, and no displacement, is middle gray",
+        },
+    )
+    cage: float = _setting(
+        0.0,
+        "How far from the simple mesh the detailed one is looked for. 0 takes 5 percent of the"
+        " size",
+        unit="units of the mesh",
+        soft_maximum=1.0,
+        length_power=1,
+        auto=0.0,
+        usual=0.1,
+    )
+    rays: int = _changed(OcclusionSettings, "rays", 64)
+    distance: float = _changed(OcclusionSettings, "distance", 0.0)
+    ground: str = _changed(OcclusionSettings, "ground", "none")
+    smoothing: float = _changed(OcclusionSettings, "smoothing", 4.0)
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
 class StreakSettings(_Settings):
     """Settings of :func:`shock_filter.core.surface_line_convolution`."""
 

@@ -19,7 +19,7 @@ from .flow import showing as flow_shown
 from .live import automatic
 from .live import operators as live_operators
 from .operators import base as operators
-from .operators import comparing, filtering, keeping, linking, properties
+from .operators import comparing, filtering, generating, keeping, linking, properties
 from .preview import operator as preview_operator
 from .preview import painting
 from .running import jobs, kernels
@@ -31,6 +31,7 @@ _CLASSES = (
     *comparing.CLASSES,
     *keeping.CLASSES,
     *linking.CLASSES,
+    *generating.CLASSES,
     *flow_operator.CLASSES,
     *marking.CLASSES,
     *live_operators.CLASSES,

@@ -251,6 +251,9 @@ DATA = {
         kind: Data("fields", _GENERATED, make_image, object_modes=("OBJECT",), in_floats=True)
         for kind in ("curvature", "occlusion", "thickness")
     },
+    "wear": Data(
+        "fields", ("into", *_GENERATED), make_image, object_modes=("OBJECT",), in_floats=True
+    ),
     "flow": Data("films", (*_FRAMES, *_ON_SURFACE), draw_frames, object_modes=("OBJECT",)),
     "attribute_flow": Data(
         "films", ("field", *_FRAMES, *_ON_SURFACE), draw_frames, object_modes=("OBJECT",)

@@ -706,10 +706,10 @@ MODES: list[Mode] = [
         "generate",
         "Generate",
         "Make an image from the shape of the surface, across seams: masks by distance, brushed"
-        " streaks, animal patterns, curvature, occlusion, thickness",
+        " streaks, animal patterns, curvature, occlusion, thickness, worn edges, dirt, dust",
         "generate",
-        "Make a mask by distance, brushed streaks, an animal pattern, or a map of curvature,"
-        " occlusion or thickness on the surface, across UV seams",
+        "Make a mask by distance, brushed streaks, an animal pattern, a map of curvature, occlusion"
+        " or thickness, or a mask of worn edges, dirt or dust on the surface, across UV seams",
         (
             Target(
                 "geodesic_distance",
@@ -766,6 +766,15 @@ MODES: list[Mode] = [
                 kind="thickness",
                 defaults={"look": "gray"},
                 dials=("white", "smoothing"),
+            ),
+            Target(
+                "wear",
+                "wear",
+                "Wear",
+                "Worn edges, dirt in corners, dust on top: masks between two materials",
+                prefix="wear_",
+                kind="wear",
+                dials=("width", "amount"),
             ),
         ),
         "Generated",
@@ -827,6 +836,21 @@ MODES: list[Mode] = [
                     "pattern_kill": 0.062,
                     "pattern_steps": 1500,
                 },
+            ),
+            Preset(
+                "Worn Edges",
+                "For paint and metal: edges are rubbed off where they stick out",
+                {"target": "wear"},
+            ),
+            Preset(
+                "Dirt",
+                "For corners and cavities: what nothing wipes",
+                {"target": "wear", "wear_kind": "dirt"},
+            ),
+            Preset(
+                "Dust",
+                "For what faces up, below the open sky",
+                {"target": "wear", "wear_kind": "dust"},
             ),
             Preset(
                 "Edge Mask",

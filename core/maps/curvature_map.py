@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +16,7 @@ from ..mesh.curvature import Curvatures, curvatures_of
 from ..mesh.jets import Frames, radii_of
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
 from ..settings import CurvatureSettings, given_or_default
-from .drawing import drawn_smoothly, new_texture, with_gutter
+from .drawing import atlas_for, drawn_smoothly, with_gutter
 
 _Single = npt.NDArray[np.float32]
 
@@ -81,20 +83,13 @@ def curvature_map(
     True
     """
     settings = given_or_default(settings, CurvatureSettings)
-    shape = checked_size(size)
-    check_mesh(mesh)
     with reporting(progress):
-        with phase(0.0, 0.3, "Finding texels"):
-            texture = new_texture(atlas, mesh, uv, shape, 1)
-        with phase(0.3, 0.6, _FINDING):
-            frames, radii = Frames(mesh), radii_of(mesh, settings.radius)
-            signal = _signal(curvatures_of(mesh, frames, radii), settings.kind)
-        with phase(0.6, 0.8, "Drawing"):
-            values = drawn_smoothly(texture, frames, radii, signal[:, None])
-            values = _shown(values, texture.atlas, settings)
-        with phase(0.8, 1.0, "Filling the gutter"):
-            image = with_gutter(texture, values, settings.gutter)[..., 0]
-            return image if settings.look == "curvature" else np.clip(image, 0.0, 1.0)
+        image = _drawn(
+            *(mesh, uv, size, settings, atlas),
+            lambda found: _signal(found, settings.kind)[:, None],
+            lambda sheet, used: _shown(sheet, used, settings),
+        )[..., 0]
+        return image if settings.look == "curvature" else np.clip(image, 0.0, 1.0)
 
 
 @by_keyword
@@ -144,22 +139,34 @@ def curvature_directions(
     True
     """
     settings = given_or_default(settings, CurvatureSettings)
+    with reporting(progress):
+        drawn = _drawn(*(mesh, uv, size, settings, atlas), _tensors)
+        out = np.zeros((*drawn.shape[:2], 3), dtype=np.float32)
+        run(_longest, len(out), drawn, out)
+        return out
+
+
+def _drawn(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    size: tuple[int, int],
+    settings: CurvatureSettings,
+    atlas: TextureAtlas | None,
+    signals: Callable[[Curvatures], Floats],
+    shown: Callable[[_Single, TextureAtlas], _Single] = lambda sheet, _: sheet,
+) -> _Single:
+    # The image (h, w, c) of signals (n, c) of the curvatures, as they are shown on the sheet.
     shape = checked_size(size)
     check_mesh(mesh)
-    with reporting(progress):
-        with phase(0.0, 0.3, "Finding texels"):
-            texture = new_texture(atlas, mesh, uv, shape, 6)
-        with phase(0.3, 0.6, _FINDING):
-            frames, radii = Frames(mesh), radii_of(mesh, settings.radius)
-            tensors = _tensors(curvatures_of(mesh, frames, radii))
-        with phase(0.6, 0.8, "Drawing"):
-            sheet = drawn_smoothly(texture, frames, radii, tensors)
-        with phase(0.8, 0.95, "Filling the gutter"):
-            drawn = with_gutter(texture, sheet, settings.gutter)
-        with phase(0.95, 1.0, "Drawing"):
-            out = np.zeros((*shape, 3), dtype=np.float32)
-            run(_longest, len(out), drawn, out)
-            return out
+    with phase(0.0, 0.3, "Finding texels"):
+        found = atlas_for(atlas, mesh, uv, shape)
+    with phase(0.3, 0.6, _FINDING):
+        frames, radii = Frames(mesh), radii_of(mesh, settings.radius)
+        values = signals(curvatures_of(mesh, frames, radii))
+    with phase(0.6, 0.8, "Drawing"):
+        sheet = shown(drawn_smoothly(found, frames, radii, values), found)
+    with phase(0.8, 1.0, "Filling the gutter"):
+        return with_gutter(found, sheet, settings.gutter)
 
 
 def _signal(found: Curvatures, kind: str) -> Floats:

@@ -23,30 +23,25 @@ _POINTS = 10
 """Control points of a cubic triangle: three corners, six on edges, one in the middle."""
 
 
-def new_texture(
-    atlas: TextureAtlas | None,
-    mesh: TriangleMesh,
-    uv: npt.ArrayLike,
-    shape: tuple[int, int],
-    channels: int,
-) -> Texture:
-    """Return an empty texture of a mesh, (h, w, channels) float32."""
-    pixels = np.zeros((*shape, channels), dtype=np.float32)
-    return Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)
+def atlas_for(
+    atlas: TextureAtlas | None, mesh: TriangleMesh, uv: npt.ArrayLike, shape: tuple[int, int]
+) -> TextureAtlas:
+    """Return the given atlas if it fits an image of this shape, or a new one if it is None."""
+    return checked_atlas(atlas, mesh, uv, np.zeros((*shape, 1), dtype=np.float32))
 
 
-def with_gutter(texture: Texture, sheet: _Single, gutter: int) -> _Single:
+def with_gutter(atlas: TextureAtlas, sheet: _Single, gutter: int) -> _Single:
     """Return the image of values on the sheet, (rows, columns, c), with its gutter filled."""
-    return written(texture, sheet, DilateSettings(gutter=gutter), None)
+    empty = np.zeros((atlas.height, atlas.width, sheet.shape[2]), dtype=np.float32)
+    return written(Texture(atlas, empty), sheet, DilateSettings(gutter=gutter), None)
 
 
-def drawn_smoothly(texture: Texture, frames: Frames, radii: Floats, signals: Floats) -> _Single:
+def drawn_smoothly(atlas: TextureAtlas, frames: Frames, radii: Floats, signals: Floats) -> _Single:
     """Draw signals at the vertices on the sheet, as cubics that go on smoothly between faces.
 
     Parameters
     ----------
-    texture : Texture
-        As many channels as there are signals.
+    atlas : TextureAtlas
     frames, radii
         Where gradients are fitted, see `core.mesh.jets`.
     signals : (n, c) float64
@@ -56,12 +51,12 @@ def drawn_smoothly(texture: Texture, frames: Frames, radii: Floats, signals: Flo
     (rows, columns, c) float32
         Values at nodes inside charts, see `with_gutter`.
     """
-    mesh = texture.atlas.mesh
+    mesh = atlas.mesh
     with phase(0.0, 0.7, "Drawing"):
         points = control_points(mesh, gradients_of(mesh, frames, radii, signals), signals)
     with phase(0.7, 1.0, "Drawing"):
-        sheet = np.zeros((*texture.atlas.sheet.nodes.shape, signals.shape[1]), dtype=np.float32)
-        run(_draw, len(sheet), texture.atlas.sheet.nodes, texture.atlas.sheet.points, points,
+        sheet = np.zeros((*atlas.sheet.nodes.shape, signals.shape[1]), dtype=np.float32)
+        run(_draw, len(sheet), atlas.sheet.nodes, atlas.sheet.points, points,
             sheet, chunk=ROWS)  # fmt: skip
     return sheet
 

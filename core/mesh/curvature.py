@@ -92,9 +92,6 @@ def curvature(
     vary smoothly, so that triangles do not show, and each side of a crease keeps its own curvature.
     At a vertex on a crease both sides count, and the curvature is about the angle by the radius.
 
-    Other than `principal_curvatures`, which smooths the change of normals, nothing but the fit is
-    smoothed.
-
     Examples
     --------
     >>> import numpy as np

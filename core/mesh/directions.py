@@ -84,53 +84,6 @@ def principal_directions(
 
 
 @by_keyword
-def principal_curvatures(
-    mesh: TriangleMesh, *, passes: int = 8, progress: ProgressCallback | None = None
-) -> Floats:
-    """Compute the principal curvatures of a surface at its vertices.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    passes : int
-        Smoothing passes of the curvature: 0 keeps all detail, 50 only large shapes.
-    progress : callable, optional
-        ``progress(fraction, message) -> bool``; False cancels.
-
-    Returns
-    -------
-    (n, 2) float64
-        The lesser and the greater curvature, in inverse units of the mesh: 1 / r on a sphere of
-        radius r, 0 on a plane. Convex shapes with outward normals have positive curvatures.
-
-    Raises
-    ------
-    InvalidSettings
-        If `passes` is not a whole number from 0 to 100,000.
-    Cancelled
-        If `progress` returned False.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from shock_filter import core
-    >>> x, y = np.meshgrid(np.linspace(-1, 1, 33), np.linspace(-1, 1, 33), indexing="ij")
-    >>> vertices = np.stack([x, y, np.sqrt(4 - x * x)], axis=-1).reshape(-1, 3)
-    >>> a = np.arange(32 * 33).reshape(32, 33)[:, :32].reshape(-1)
-    >>> faces = np.concatenate([np.stack([a, a + 33, a + 34], 1), np.stack([a, a + 34, a + 1], 1)])
-    >>> curvatures = core.principal_curvatures(core.TriangleMesh(vertices, faces))
-    >>> curvatures[16 * 33 + 16].round(2).tolist()  # of a cylinder of radius 2
-    [0.0, 0.5]
-    """
-    check_mesh(mesh)
-    passes = checked_count(passes, "passes", most=_MOST_PASSES)
-    with reporting(progress), phase(0.0, 1.0, "Finding directions"):
-        _, _, a, b, c = _curvature_tensors(mesh, passes)
-        mean, half = 0.5 * (a + c), 0.5 * np.hypot(a - c, 2.0 * b)
-        return np.stack([mean - half, mean + half], axis=1) / mesh.mean_edge_length
-
-
-@by_keyword
 def gradient_directions(
     mesh: TriangleMesh, signal: npt.ArrayLike, *, turned: bool = False
 ) -> Floats:

@@ -39,11 +39,14 @@ class Boxes(NamedTuple):
         The node of each part; for a leaf -1 - (16 first + count), triangles in `triangles`.
     triangles : (m, 9) float32
         The first corner, and the edges to the second and the third, in the order of the leaves.
+    order : (m,) int32
+        Which triangle each of these is.
     """
 
     boxes: _Single
     parts: npt.NDArray[np.int32]
     triangles: _Single
+    order: npt.NDArray[np.int32]
 
 
 def boxes_around(corners: npt.NDArray[np.float64]) -> Boxes:
@@ -59,7 +62,7 @@ def boxes_around(corners: npt.NDArray[np.float64]) -> Boxes:
     ask()
     sides = single[order]
     sides[:, 1:] -= sides[:, :1]
-    return Boxes(boxes[:used].copy(), parts[:used].copy(), sides.reshape(-1, 9).copy())
+    return Boxes(boxes[:used].copy(), parts[:used].copy(), sides.reshape(-1, 9).copy(), order)
 
 
 @kernel
@@ -175,7 +178,9 @@ def _area(box):
 
 @kernel
 def first_hit(tree, ox, oy, oz, dx, dy, dz, limit, any_hit, stack):
-    """How far it is along a ray to a triangle, or `limit` if there is none before.
+    """Find a triangle along a ray: how far it is, and its row in `Boxes.triangles`.
+
+    `limit` and -1 if there is none before the limit.
 
     Parameters
     ----------
@@ -194,7 +199,7 @@ def first_hit(tree, ox, oy, oz, dx, dy, dz, limit, any_hit, stack):
     ix = one / (dx if abs(dx) > tiny else tiny)
     iy = one / (dy if abs(dy) > tiny else tiny)
     iz = one / (dz if abs(dz) > tiny else tiny)
-    nearest = limit
+    nearest, found = limit, -1
     stack[0] = 0
     top = 1
     while top > 0:
@@ -221,9 +226,9 @@ def first_hit(tree, ox, oy, oz, dx, dy, dz, limit, any_hit, stack):
                     continue
                 t = (bx * qx + by * qy + bz * qz) * inverse
                 if zero < t < nearest:
-                    nearest = t
+                    nearest, found = t, i
                     if any_hit:
-                        return nearest
+                        return nearest, found
             continue
         near = np.float32(np.inf)
         for side in range(2):
@@ -245,4 +250,4 @@ def first_hit(tree, ox, oy, oz, dx, dy, dz, limit, any_hit, stack):
                     stack[top] = part
                 near = enters
                 top += 1
-    return nearest
+    return nearest, found

@@ -38,12 +38,22 @@ from ..host.inputs import (
 )
 from ..host.low_poly import low_poly_of
 from ..host.textures import filter_texture
+from ..maps.baking import MAPS, bake_maps
 from ..maps.curvature_map import curvature_directions
 from ..maps.occlusion import bent_normals
+from ..maps.wear import wear
 from ..mesh.triangle_mesh import TriangleMesh
 from ..preview.flow import flow_of_colors, flow_of_shape
 from ..registry import FILTERS, Filter, find
-from ..settings import GeometrySettings, OcclusionSettings, ShockSettings, describe, named
+from ..settings import (
+    BakeSettings,
+    GeometrySettings,
+    OcclusionSettings,
+    ShockSettings,
+    WearSettings,
+    describe,
+    named,
+)
 from ..shape.folds import mended
 from ..shape.results import tell_lost
 from .arrays import runs_on_images, runs_on_meshes, runs_on_textures
@@ -109,6 +119,7 @@ def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
                 yield partial(function, row.name, settings)
     if "field" in kinds:
         yield _directions
+        yield _baked
     if "colors" in kinds:
         yield from _runs_of_surfaces(rows)
         shape = _shape()
@@ -206,6 +217,19 @@ def _directions() -> Any:
     for size in (_SIZE, _SOLVED):
         bent_normals(mesh, faces.uv, OcclusionSettings(rays=4), size=2 * (size,))
     return curvature_directions(mesh, faces.uv, size=2 * (_SIZE,))
+
+
+def _baked() -> Any:
+    # A box onto itself; and what is worn along edges alone.
+    faces = _textured(_SIZE)[0].faces
+    mesh = TriangleMesh(faces.positions, faces.triangles)
+    given: dict[str, Any] = {"high": mesh, "colors": faces.positions, "occluders": [mesh]}
+    for size in (_SIZE, _SOLVED):
+        shape = 2 * (size,)
+        wear(mesh, faces.uv, WearSettings(rays=4), size=shape, edges=mesh.faces[:, :2])
+        bake_maps(mesh, faces.uv, BakeSettings(rays=4), size=shape)
+        found = bake_maps(mesh, faces.uv, BakeSettings(rays=4), size=shape, maps=MAPS, **given)
+    return found
 
 
 def _flowing(in_colors: bool, name: str, settings: Any) -> Any:

@@ -247,7 +247,7 @@ def _picture(name: str) -> Any:
     )
 
 
-_DRAWN = "distance", "streaks", "pattern", "curvature", "occlusion", "thickness"
+_DRAWN = "distance", "streaks", "pattern", "curvature", "occlusion", "thickness", "wear"
 """Kinds of images that are drawn from the mesh alone."""
 
 _STARTS = [
@@ -364,7 +364,8 @@ _PLACES = {
             (
                 "ATTRIBUTE",
                 "Attribute",
-                "An attribute of the vertices, named Distance, for geometry nodes and shaders",
+                "An attribute of the vertices, named Distance or Wear, for geometry nodes and"
+                " shaders",
             ),
         ],
         default="IMAGE",

@@ -63,6 +63,22 @@ def draw_own(panel: Panel, context: bpy.types.Context) -> None:
     _draw_report(layout, context, mode, settings, obstacle)
 
 
+def draw_maps(panel: Panel, context: bpy.types.Context) -> None:
+    """Draw the buttons that bake several maps in one run."""
+    settings = panel.settings(context)
+    layout = panel.layout
+    layout.use_property_split = True
+    layout.prop(settings, "image_size")
+    column = layout.column()
+    column.enabled = jobs.current() is None
+    column.scale_y = 1.2
+    for from_selected, text in ((False, "Bake All"), (True, "Selected to Active")):
+        row = column.row()
+        row.enabled = not from_selected or len(data.chosen.mesh_objects(context)) > 1
+        button = row.operator("shock_filter.bake_maps", text=iface_(text), translate=False)
+        button.from_selected, button.image_size = from_selected, settings.image_size
+
+
 def draw_flow(
     layout: bpy.types.UILayout,
     context: bpy.types.Context,

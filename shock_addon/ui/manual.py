@@ -31,6 +31,7 @@ _OPERATORS = {
     "hide_creases": "creases#show-creases",
     "crisp_low_poly": "creases#crisp-low-poly",
     "cancel": "panel#while-it-runs",
+    "bake_maps": "maps",
     "link_map": "generate#add-node",
     "before_after": "panel#before-and-after",
     "use_preset": "presets",

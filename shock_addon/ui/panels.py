@@ -58,6 +58,21 @@ class SHOCK_FILTER_PT_generate(_OwnPanel, Panel, bpy.types.Panel):
     own = "generate"
 
 
+class SHOCK_FILTER_PT_maps(Panel, bpy.types.Panel):
+    """Several maps of the shape in one run."""
+
+    bl_label = "Maps"
+    bl_parent_id = "SHOCK_FILTER_PT_generate"
+    bl_options = {"DEFAULT_CLOSED"}
+    own = "generate"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons."""
+        from . import contents
+
+        contents.draw_maps(self, context)
+
+
 class SHOCK_FILTER_PT_flow(_OwnPanel, Panel, bpy.types.Panel):
     """A moving texture of a flow."""
 
@@ -151,6 +166,7 @@ CLASSES = (
     *_sub_panels(SHOCK_FILTER_PT_main, Panel),
     *_sub_panels(SHOCK_FILTER_PT_image_main, _ImagePanel),
     SHOCK_FILTER_PT_generate,
+    SHOCK_FILTER_PT_maps,
     SHOCK_FILTER_PT_flow,
     SHOCK_FILTER_PT_image_flow,
 )

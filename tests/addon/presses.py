@@ -32,6 +32,7 @@ def main() -> None:
         bpy.ops.shock_filter.mark_creases()
         bpy.ops.shock_filter.show_creases()
         bpy.ops.shock_filter.crisp_low_poly()
+        bpy.ops.shock_filter.bake_maps(image_size="256", rays=4)
     print(json.dumps(sorted(types() - before)))
     shock_filter.unregister()
 

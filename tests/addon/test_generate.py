@@ -140,7 +140,7 @@ def test_maps_of_the_shape_are_made(sheet):
     """Of a bump on a sheet: it is convex, has a valley around it, and stands in the light's way."""
     for vertex in sheet.data.vertices:
         vertex.co.z = 0.5 * np.exp(-6.0 * (vertex.co.x**2 + vertex.co.y**2))
-    for target in ("curvature", "occlusion", "thickness"):
+    for target in ("curvature", "occlusion", "thickness", "wear"):
         assert generate(target=target, image_size=str(SIZE)) == {"FINISHED"}
     curvature, open_sky = read("Grid Curvature"), read("Grid Occlusion")
     assert bpy.data.images["Grid Curvature"].is_float
@@ -149,6 +149,12 @@ def test_maps_of_the_shape_are_made(sheet):
     assert curvature[valley] < curvature[far] < curvature[middle]
     assert open_sky[valley] < 0.993 < open_sky[middle]
     assert read("Grid Thickness")[far] > 0.99  # rays come out nowhere
+    assert read("Grid Wear")[far] == 0
+    made = generate(target="wear", wear_kind="dust", wear_breakup=0, into="ATTRIBUTE")
+    assert made == {"FINISHED"}
+    dust = np.array([each.value for each in sheet.data.attributes["Wear"].data])
+    heights = np.array([vertex.co.z for vertex in sheet.data.vertices])
+    assert dust[heights < 1e-3].min() > 0.9 > dust[(heights > 0.2) & (heights < 0.3)].max()
 
 
 @pytest.mark.parametrize(("along", "axis"), [("X", 1), ("Y", 0), ("AROUND_X", 0), ("AROUND_Y", 1)])

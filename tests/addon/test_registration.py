@@ -80,7 +80,8 @@ print(json.dumps(states))
     assert before["operators"] == []
     assert before["types"] == []
     assert enabled["operators"] == [
-        "auto_update_live", "before_after", "blocks_preset_add", "cancel", "colors_preset_add",
+        "auto_update_live", "bake_maps", "before_after", "blocks_preset_add", "cancel",
+        "colors_preset_add",
         "crisp_low_poly", "denoise", "denoise_image", "denoise_image_preset_add",
         "denoise_preset_add", "denoise_texture", "denoise_texture_preset_add", "detail_preset_add",
         "dilate_texture", "fill_preset_add", "fill_texture", "filter_texture", "generate",

@@ -49,7 +49,7 @@ from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
 from ..elements.surface_values import added_to_sheet, painted_values
 from ..grid.channels import opacity_channel
-from ..mesh.directions import principal_curvatures
+from ..mesh.curvature import curvature
 from ..settings import BendSettings, given_or_default
 from .texels import Output, Texture, checked_atlas, gathered, mix_texels
 
@@ -86,7 +86,7 @@ def smooth_by_curvature(
 def _bends(atlas, radius):
     # The larger curvature of each texel, squared, in 1 / radius: (h, w).
     mesh = atlas.mesh
-    most = np.abs(principal_curvatures(mesh)).max(axis=1) * radius * atlas.texel_size
+    most = np.abs(curvature(mesh).principal).max(axis=1) * radius * atlas.texel_size
     return atlas.bake(mesh.own_corners(most[mesh.faces] ** 2)).astype(np.float32)
 """
 

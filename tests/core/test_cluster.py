@@ -176,6 +176,7 @@ WORDS = {
     "curvature-map": "mesh.obj out.npy --like a.png",
     "ambient-occlusion": "mesh.obj out.npy --rays 4 --like a.png",
     "thickness": "mesh.obj out.npy --rays 4 --like a.png",
+    "wear": "mesh.obj out.npy --rays 4 --like a.png",
     "visualize-flow": "flow.npy out --frames 2 --background b.png",
     "dilate-texture": "mesh.obj a.png out.png",
     "texture-mask": "mesh.obj out.png --like a.png",

@@ -162,9 +162,11 @@ def test_rays_meet_what_all_triangles_say():
         b, c, t = np.linalg.solve(matrix, (origin - a)[..., None])[..., 0].T
         hits = t[(b >= 0) & (c >= 0) & (b + c <= 1) & (t > 0)]
         wanted = hits.min(initial=limit)
-        found = first_hit(tree, *origin, *d, limit, False, stack)
+        found, row = first_hit(tree, *origin, *d, limit, False, stack)
         assert found == pytest.approx(wanted, rel=1e-3)
-        assert (first_hit(tree, *origin, *d, limit, True, stack) < limit) == (wanted < limit)
+        if wanted < limit:
+            assert t[tree.order[row]] == pytest.approx(wanted)
+        assert (first_hit(tree, *origin, *d, limit, True, stack)[0] < limit) == (wanted < limit)
         met += wanted < limit
     assert 100 < met < 400
 

@@ -105,6 +105,11 @@ CALLS = {
         {"mesh": MESH, "signal": SIGNAL, "mask": MASK}, core.BeltramiMeshSettings
     ),
     "ambient_occlusion": Call({**_DRAWN, "occluders": [MESH]}, core.OcclusionSettings),
+    "bake_maps": Call(
+        {**_DRAWN, "maps": ["occlusion", "normals"], "high": MESH, "colors": SIGNAL,
+         "normals": NORMALS, "occluders": [MESH]},
+        core.BakeSettings,
+    ),
     "bent_normals": Call({**_DRAWN, "occluders": [MESH]}, core.OcclusionSettings),
     "curvature": Call({"mesh": MESH, "radius": 0.5}),
     "curvature_directions": Call(_DRAWN, core.CurvatureSettings),
@@ -148,7 +153,6 @@ CALLS = {
     "osher_rudin_image": Call(
         {"image": IMAGE, "steps": 2, "time_step": 0.3, "edge_detector": "laplacian"}
     ),
-    "principal_curvatures": Call({"mesh": MESH, "passes": 2}),
     "principal_directions": Call({"mesh": MESH, "which": "most", "passes": 2}),
     "reaction_diffusion": Call(
         {**_DRAWN, "start": _RANDOM.random((*SIZE, 2)), "rates": 1 + GRAY,
@@ -198,6 +202,8 @@ CALLS = {
         core.DistanceSettings, infinite=True,
     ),
     "thickness": Call(_DRAWN, core.ThicknessSettings),
+    "wear": Call({**_DRAWN, "edges": MESH.faces[:, :2]}, core.WearSettings),
+    "vertex_wear": Call({"mesh": MESH, "edges": MESH.faces[:, :2]}, core.WearSettings),
     "weld": Call({"vertices": MESH.vertices}),
     "weld_borders": Call({"vertices": MESH.vertices, "faces": MESH.faces}),
 }  # fmt: skip
@@ -255,6 +261,8 @@ def wrong_values(value):
         yield from ((changed, value[1]) for changed in _spoiled(np.array(value[0])))
     elif isinstance(value, list) and value and isinstance(value[0], core.TriangleMesh):
         yield from ([*value, None], value[0], [value], tuple(value))
+    elif isinstance(value, list) and value and isinstance(value[0], str):
+        yield from ([*value, "nonsense"], value[0], tuple(value), [None], [np.ones(3)], [])
     elif isinstance(value, np.ndarray | list | tuple):
         yield from _spoiled(np.asarray(value))
 

@@ -20,6 +20,7 @@ OPERATORS = [
     "generate_curvature",
     "generate_occlusion",
     "generate_thickness",
+    "generate_wear",
 ]
 
 

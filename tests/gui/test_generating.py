@@ -3,7 +3,7 @@
 
 import pytest
 
-TARGETS = ["distance", "streaks", "pattern", "curvature", "occlusion", "thickness"]
+TARGETS = ["distance", "streaks", "pattern", "curvature", "occlusion", "thickness", "wear"]
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from .. import importing
 
 if TYPE_CHECKING:
     from . import (  # noqa: F401
+        baked,
         fields,
         flows,
         images,

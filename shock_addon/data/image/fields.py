@@ -24,7 +24,6 @@ from .images import ImageTarget
 from .linking import is_linked
 from .tiles import Tiles
 
-ATTRIBUTE = "Distance"
 _HALF = 0.5
 
 
@@ -114,8 +113,12 @@ def pixels_of(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return pixels
 
 
-def write_attribute(names: list[str], values: npt.NDArray[np.float32]) -> bpy.types.Object:
+def write_attribute(
+    names: list[str], attribute: str, values: npt.NDArray[np.float32]
+) -> bpy.types.Object:
     """Write values at the vertices of the objects of these names, in their order.
+
+    The attribute gets that name.
 
     Returns
     -------
@@ -134,12 +137,14 @@ def write_attribute(names: list[str], values: npt.NDArray[np.float32]) -> bpy.ty
             raise Skipped("it was changed meanwhile; run again")
         for obj in objects:
             skip_if(mesh_refusal(obj.data))
-            there = ATTRIBUTE in obj.data.attributes
-            if there and not arrays.find_attribute(obj.data, ATTRIBUTE, "FLOAT", "POINT"):
-                raise Skipped("it has another attribute named Distance; rename that one")
+            there = attribute in obj.data.attributes
+            if there and not arrays.find_attribute(obj.data, attribute, "FLOAT", "POINT"):
+                raise Skipped(
+                    "it has another attribute named {name}; rename that one", name=attribute
+                )
         for obj, part in zip(objects, np.split(values, np.cumsum(counts)[:-1]), strict=True):
-            attribute = arrays.find_or_add_attribute(obj.data, ATTRIBUTE, "FLOAT", "POINT")
-            arrays.write_attribute(attribute, part)
+            found = arrays.find_or_add_attribute(obj.data, attribute, "FLOAT", "POINT")
+            arrays.write_attribute(found, part)
             obj.data.update()
     return objects[0]
 
@@ -173,21 +178,22 @@ def add_nodes(names: list[str], image: bpy.types.Image, *, activate: bool = Fals
                 obj.material_slots[obj.active_material_index].material = material
             else:
                 obj.data.materials.append(material)
-            _link_to_color(material, _image_node(material, image, activate))
+            _link_to_color(material, image_node(material, image, activate))
         elif material is None or material.library is not None or material.node_tree is None:
             text = pgettext_rpt("{name} cannot take a node; name {image} in one by hand.")
             notes.append(text.format(name=(material or obj).name, image=image.name))
         else:
-            waits |= not is_linked(_image_node(material, image, activate))
+            waits |= not is_linked(image_node(material, image, activate))
     if waits and not activate:
         text = pgettext_rpt("{name} is in the material, not linked yet: press Link.")
         notes.append(text.format(name=image.name))
     return notes
 
 
-def _image_node(
+def image_node(
     material: bpy.types.Material, image: bpy.types.Image, activate: bool
 ) -> bpy.types.Node:
+    """Return the node of an image in a material, a new one if there is none."""
     nodes = material.node_tree.nodes
     before = nodes.active
     others = any(each.image not in {None, image} for each in image_nodes(material))

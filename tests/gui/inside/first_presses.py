@@ -8,7 +8,7 @@ import bpy
 import scene
 from harness import Steps, area, finished, open_tab, over, report
 
-MAPS = "curvature", "occlusion", "thickness"
+MAPS = "curvature", "occlusion", "thickness", "wear"
 
 _OF_IMAGES = ("texture", "textures", "image")
 

@@ -50,7 +50,7 @@ def scenario() -> Steps:
     chosen.generate.pattern_steps = 300
     yield from open_tab()
     yield from open_own_panel(GENERATE)
-    for target in ("distance", "streaks", "pattern", "curvature", "occlusion", "thickness"):
+    for target in ("distance", "streaks", "pattern", "curvature", "occlusion", "thickness", "wear"):
         chosen.generate.target = target
         seen = report[target] = {}
         yield DRAWN

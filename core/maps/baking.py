@@ -1,0 +1,365 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Several maps in one run, of a mesh itself or of a detailed mesh onto a simple one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..atlas.normal_frames import NormalFrames
+from ..base.checks import Floats, as_array, by_keyword, checked_size
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, ask, phase, reporting
+from ..errors import InvalidSettings, InvalidSignal
+from ..mesh.calculus import average_to_vertices, unit_vectors
+from ..mesh.curvature import curvatures_of
+from ..mesh.jets import Frames, radii_of
+from ..mesh.triangle_mesh import TriangleMesh, check_mesh
+from ..rays.boxes import STACK, first_hit
+from ..settings import BakeSettings, DilateSettings, given_or_default
+from ..texture.normal_maps import checked_normals
+from ..texture.texels import Texture, written
+from .drawing import atlas_for, drawn_smoothly, with_gutter
+from .traced import on_sheet, smoothed
+from .tracing import (
+    Scene,
+    Sites,
+    checked_occluders,
+    look_around,
+    look_inside,
+    read_corners,
+    scaled_to,
+    scene_of,
+    shading_normals,
+    texel_sites,
+)
+
+_Single = npt.NDArray[np.float32]
+
+SIGNED = "curvature", "displacement"
+"""Maps whose 0 is middle gray."""
+
+_OF_ONE = "curvature", "occlusion", "bent_normals", "thickness"
+
+MAPS = (*_OF_ONE, "normals", "displacement", "colors")
+"""All maps; the last three are those of a detailed mesh."""
+
+_CAGE = 0.05
+"""The automatic cage, in lengths of the diagonal of the box around the simple mesh."""
+
+_SHOWN = 0.98
+"""The part of the texels whose curvature lies in the range of grays."""
+
+_BAKING = "Baking maps"
+
+
+class _Onto(NamedTuple):
+    # Where the texels of a simple mesh lie on the detailed one, in the units of its scene.
+    sites: Sites
+    faces: npt.NDArray[np.int32]  # -1 where nothing was found
+    shares: Floats  # barycentric coordinates
+    heights: _Single
+
+
+@by_keyword
+def bake_maps(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    settings: BakeSettings | None = None,
+    *,
+    size: tuple[int, int],
+    maps: Sequence[str] = _OF_ONE,
+    high: TriangleMesh | None = None,
+    colors: npt.ArrayLike | None = None,
+    normals: npt.ArrayLike | None = None,
+    occluders: Sequence[TriangleMesh] = (),
+    progress: ProgressCallback | None = None,
+    atlas: TextureAtlas | None = None,
+) -> dict[str, _Single]:
+    """Bake several maps of a mesh in one run, or of a detailed mesh onto a simple one.
+
+    Parameters
+    ----------
+    mesh, uv, progress, atlas
+        As in `sharpen_texture`.
+    settings : BakeSettings, optional
+    size : (int, int)
+        Rows and columns of the images.
+    maps : sequence of str
+        Which: "curvature" (the mean one), "occlusion", "bent_normals", "thickness"; with `high`
+        also "normals", "displacement" and "colors".
+    high : TriangleMesh, optional
+        A detailed mesh in the same space, such as a sculpted one, of which the maps are.
+    colors : (k, c) array of float, optional
+        Of the detailed mesh's vertices, for the map of colors.
+    normals : (m, 3, 3) array of float, optional
+        The shading normals of `mesh` at the corners of its faces, for the map of normals. Default:
+        smooth normals.
+    occluders : sequence of TriangleMesh
+        Other meshes that stand in the way of occlusion.
+
+    Returns
+    -------
+    dict of str to float32 arrays
+        By the names in `maps`. "curvature" (h, w) in 1 / unit of the mesh, convex positive;
+        "thickness" and "displacement" (h, w) in units of the mesh, or all three as grays, see
+        `BakeSettings.look`. "occlusion" (h, w) from 0 to 1. "bent_normals" (h, w, 3) as colors,
+        0.5 plus half the component, in the mesh's axes. "normals" (h, w, 3) as colors in tangent
+        space, green up. "colors" (h, w, c). Gutters are filled; the rest is 0.
+
+    Raises
+    ------
+    InvalidSettings
+        If there is no such map, or it lacks its input.
+    InvalidUV, InvalidSignal, SolverError, Cancelled
+        As in `ambient_occlusion`.
+
+    Notes
+    -----
+    From each texel rays go up and down along the smooth normal of the simple mesh, as far as the
+    cage; the nearer place that faces the same way is taken. Where there is none, the simple mesh
+    itself is. Tangents are those of MikkTSpace, as in Blender.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
+    >>> low = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> high = core.TriangleMesh(np.add(vertices, [0, 0, 0.1]), low.faces)
+    >>> uv = low.vertices[low.faces][..., :2] / 2
+    >>> baked = core.bake_maps(low, uv, size=(8, 8), maps=["normals", "displacement"], high=high)
+    >>> baked["normals"][4, 4].round(3).tolist(), round(float(baked["displacement"][4, 4]), 3)
+    ([0.5, 0.5, 1.0], 0.1)
+    """
+    settings = given_or_default(settings, BakeSettings)
+    check_mesh(mesh)
+    wanted = _checked_maps(maps, high, colors)
+    shape = checked_size(size)
+    given = checked_normals(mesh, normals)
+    others = checked_occluders(occluders)
+    if high is not None:
+        check_mesh(high)
+    source = mesh if high is None else high
+    painted = None if colors is None else _checked_colors(source, colors)
+    with reporting(progress):
+        with phase(0.0, 0.15, "Finding texels"):
+            found = atlas_for(atlas, mesh, uv, shape)
+        with phase(0.15, 0.25, _BAKING):
+            scene = scene_of(source, others, settings.ground)
+            sites = texel_sites(found)
+            onto = None if high is None else _onto(found, sites, scene, high, settings.cage)
+        baker = _Baker(found, source, sites if onto is None else onto.sites, scene, settings, onto)
+        with phase(0.25, 0.8, "Tracing rays"):
+            sheets = baker.traced(wanted)
+        with phase(0.8, 0.9, _BAKING):
+            sheets |= baker.read(wanted, painted)
+        images = {}
+        for number, name in enumerate(wanted):
+            with phase(0.9 + 0.1 * number / len(wanted), 1.0, "Filling the gutter"):
+                images[name] = baker.image(name, sheets[name], given)
+        return images
+
+
+class _Baker:
+    # Makes maps for the texels of an atlas from places on a mesh.
+
+    def __init__(
+        self,
+        atlas: TextureAtlas,
+        mesh: TriangleMesh,
+        sites: Sites,
+        scene: Scene,
+        settings: BakeSettings,
+        onto: _Onto | None,
+    ) -> None:
+        self._atlas, self._mesh, self._sites, self._onto = atlas, mesh, sites, onto
+        self._scene, self._settings = scene, settings
+
+    def traced(self, wanted: Sequence[str]) -> dict[str, _Single]:
+        """Return what comes of rays, on the sheet."""
+        scene, sites, settings = self._scene, self._sites, self._settings
+        halves: dict[str, _Single] = {}
+        with phase(0.0, 0.5, "Tracing rays"):
+            if {"occlusion", "bent_normals"} & set(wanted):
+                seen, bent, _ = look_around(scene, sites, settings.rays, settings.distance)
+                halves = {"occlusion": seen, "bent_normals": bent}
+        with phase(0.5, 0.8, "Tracing rays"):
+            if "thickness" in wanted:
+                halves["thickness"] = look_inside(scene, sites, settings.rays) * scene.unit
+        names = [name for name in halves if name in wanted]
+        sheets = {}
+        for number, name in enumerate(names):
+            with phase(0.8 + 0.2 * number / len(names), 1.0, "Smoothing"):
+                both = on_sheet(self._atlas, sites, halves[name].astype(np.float32))
+                sheets[name] = smoothed(self._atlas, both, settings.smoothing)
+        if "bent_normals" in sheets:
+            vectors = sheets["bent_normals"]
+            lengths = np.linalg.norm(vectors, axis=2, keepdims=True)
+            sheets["bent_normals"] = 0.5 + 0.5 * vectors / np.maximum(lengths, 1e-6)
+        return sheets
+
+    def read(self, wanted: Sequence[str], colors: Floats | None) -> dict[str, _Single]:
+        """Return what is read off the mesh, on the sheet."""
+        sheets = {}
+        if "curvature" in wanted:
+            frames, radii = Frames(self._mesh), radii_of(self._mesh, 0.0)
+            mean = curvatures_of(self._mesh, frames, radii).mean[:, None]
+            if self._onto is None:
+                sheets["curvature"] = drawn_smoothly(self._atlas, frames, radii, mean)
+            else:
+                sheets["curvature"] = self._at_places(mean)
+        if "colors" in wanted and colors is not None:
+            sheets["colors"] = self._at_places(colors)
+        if self._onto is not None and "displacement" in wanted:
+            sheets["displacement"] = self._laid(self._onto.heights[:, None])
+        if self._onto is not None and "normals" in wanted:
+            sheets["normals"] = self._laid(0.5 + 0.5 * self._sites.normals)
+        ask()
+        return sheets
+
+    def image(self, name: str, sheet: _Single, normals: Floats | None) -> _Single:
+        """Return a map as an image."""
+        gutter = self._settings.gutter
+        if name == "normals":
+            frames = NormalFrames(self._atlas, normals)
+            empty = np.zeros((self._atlas.height, self._atlas.width, 3), dtype=np.float32)
+            texture = Texture(self._atlas, empty, frames=frames, unit=True)
+            image: _Single = written(texture, sheet, DilateSettings(gutter=gutter), None)
+            return image
+        image = with_gutter(self._atlas, np.ascontiguousarray(sheet, np.float32), gutter)
+        if name == "bent_normals":
+            return np.clip(image, 0.0, 1.0)
+        if name == "colors":
+            return image
+        gray = image[..., 0]
+        if name == "occlusion":
+            return np.clip(gray, 0.0, 1.0)
+        return gray if self._settings.look == "values" else self._grays(name, gray)
+
+    def _grays(self, name: str, values: _Single) -> _Single:
+        inside = np.abs(values[self._atlas.inside])
+        if name == "displacement":
+            white = self._settings.cage or float(inside.max(initial=0.0))
+        else:
+            part = _SHOWN if name == "curvature" else 1.0
+            white = float(np.quantile(inside, part)) if inside.size else 0.0
+        scaled = values / np.float32(max(white, 1e-30))
+        return np.clip(0.5 + 0.5 * scaled if name in SIGNED else scaled, 0.0, 1.0)
+
+    def _at_places(self, values: Floats) -> _Single:
+        # Values at the vertices of the detailed mesh, at the places of the texels.
+        assert self._onto is not None
+        corners = values[self._mesh.faces[self._onto.faces]]
+        read = np.einsum("kv,kvc->kc", self._onto.shares, corners)
+        read[self._onto.faces < 0] = 0.0
+        return self._laid(read)
+
+    def _laid(self, values: npt.NDArray) -> _Single:
+        return on_sheet(self._atlas, self._sites, values.astype(np.float32))
+
+
+def _checked_maps(
+    maps: Sequence[str], high: TriangleMesh | None, colors: npt.ArrayLike | None
+) -> list[str]:
+    if isinstance(maps, str) or not isinstance(maps, Sequence):
+        raise InvalidSettings(f"The maps are {maps!r}; give a list of names.")
+    possible = _OF_ONE if high is None else MAPS
+    for name in maps:
+        known = isinstance(name, str) and name in MAPS
+        if not known or name not in possible:
+            hint = " of a detailed mesh; give it as `high`"
+            hint = hint if known else f"; there are {', '.join(possible)}"
+            raise InvalidSettings(f"There is no map {name!r}{hint}.")
+    if "colors" in maps and colors is None:
+        raise InvalidSettings("The map of colors needs the detailed mesh's colors; give `colors`.")
+    return list(dict.fromkeys(maps))
+
+
+def _checked_colors(mesh: TriangleMesh, colors: npt.ArrayLike) -> Floats:
+    given = as_array(colors, "colors")
+    if given.ndim != 2 or len(given) != mesh.vertex_count or given.dtype.kind not in "fiu":
+        raise InvalidSignal(
+            f"The colors have the shape {given.shape}; give ({mesh.vertex_count}, c) numbers."
+        )
+    values: Floats = given.astype(np.float64)
+    if not np.isfinite(values).all():
+        raise InvalidSignal("A color is NaN or infinite; give numbers.")
+    return values
+
+
+def _onto(
+    atlas: TextureAtlas, sites: Sites, scene: Scene, high: TriangleMesh, cage: float
+) -> _Onto:
+    low = atlas.mesh
+    smooth = unit_vectors(average_to_vertices(low, low.normals))
+    along = read_corners(atlas, sites.numbers, smooth[low.faces])
+    along = unit_vectors(along.astype(np.float64)).astype(np.float32)
+    box = low.box
+    middle = box[0] + 0.5 * (box[1] - box[0])
+    places = middle + low.mean_edge_length * sites.points.astype(np.float64)
+    starts = scaled_to(high, places).astype(np.float32)
+    reach = (cage or _CAGE * float(np.linalg.norm(box[1] - box[0]))) / scene.unit
+    rows = np.full(len(starts), -1, dtype=np.int32)
+    heights = np.zeros(len(starts), dtype=np.float32)
+    run(_project, len(starts), starts, along, scene.tree, reach, scene.off, rows, heights,
+        chunk=1024)  # fmt: skip
+    met = rows >= 0
+    faces = np.where(met, scene.tree.order[rows], -1).astype(np.int32)
+    met &= faces < high.face_count
+    faces = np.where(met, faces, -1).astype(np.int32)
+    heights[~met] = 0.0
+    points = starts + heights[:, None] * along
+    corners = high.scaled_vertices[high.faces[faces]]
+    shares = _shares(points.astype(np.float64), corners)
+    ask()
+    normals = np.einsum("kv,kvc->kc", shares, shading_normals(high)[faces])
+    normals = unit_vectors(normals).astype(np.float32)
+    facing = high.normals[faces].astype(np.float32)
+    normals[~met], facing[~met] = sites.normals[~met], sites.facing[~met]
+    on_high = Sites(points.astype(np.float32), normals, facing, sites.numbers)
+    return _Onto(on_high, faces, shares, (heights * np.float32(scene.unit)))
+
+
+def _shares(points: Floats, corners: Floats) -> Floats:
+    # Barycentric coordinates of points (k, 3) in triangles (k, 3, 3), within these.
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    to = points - corners[:, 0]
+    a, b, c = ((x * y).sum(axis=1) for x, y in ((one, one), (one, two), (two, two)))
+    d, e = (to * one).sum(axis=1), (to * two).sum(axis=1)
+    det = np.maximum(a * c - b * b, 1e-300)
+    second = np.clip((c * d - b * e) / det, 0.0, 1.0)
+    third = np.clip((a * e - b * d) / det, 0.0, 1.0)
+    shares = np.stack([np.maximum(1.0 - second - third, 0.0), second, third], axis=1)
+    return shares / shares.sum(axis=1, keepdims=True)
+
+
+@kernel
+def _project(start, stop, points, along, tree, reach, off, rows, heights):
+    # The nearest place above or below, whose face looks the same way.
+    stack = np.empty(STACK, np.int32)
+    triangles = tree.triangles
+    for i in range(start, stop):
+        nearest = reach
+        for side in range(2):
+            sign = np.float32(1.0 if side == 0 else -1.0)
+            back = np.float32(off) * sign
+            dx, dy, dz = sign * along[i, 0], sign * along[i, 1], sign * along[i, 2]
+            ox = points[i, 0] - back * along[i, 0]
+            oy = points[i, 1] - back * along[i, 1]
+            oz = points[i, 2] - back * along[i, 2]
+            limit = np.float32(nearest + off)
+            far, row = first_hit(tree, ox, oy, oz, dx, dy, dz, limit, False, stack)
+            if row < 0:
+                continue
+            ux, uy, uz = triangles[row, 3], triangles[row, 4], triangles[row, 5]
+            vx, vy, vz = triangles[row, 6], triangles[row, 7], triangles[row, 8]
+            mx, my, mz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            if mx * along[i, 0] + my * along[i, 1] + mz * along[i, 2] <= 0:
+                continue
+            nearest = max(far - off, 0.0)
+            rows[i], heights[i] = row, sign * np.float32(far - off)

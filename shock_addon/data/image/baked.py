@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Read what maps are baked of, and write the maps into images and materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ....core.host.fields import BakeSurface, WorldMesh
+from .. import arrays
+from ..chosen import mesh_objects, mesh_users
+from ..mesh import meshes
+from ..skipped import Skipped
+from . import fields, images, textures
+
+SUFFIXES = {
+    "normals": "normal",
+    "displacement": "height",
+    "curvature": "curvature",
+    "occlusion": "ao",
+    "bent_normals": "bent_normal",
+    "thickness": "thickness",
+    "colors": "basecolor",
+}
+"""The ends of the names of images, as other programs know them."""
+
+_OF_HIGH = "normals", "displacement", "colors"
+
+
+@dataclass(frozen=True)
+class BakeTarget:
+    """The objects that get maps, the active one first, and what is baked."""
+
+    name: str
+    surface: BakeSurface
+    objects: list[str]
+
+
+def read(
+    context: bpy.types.Context, maps: set[str], size: int, *, from_selected: bool, occlude: bool
+) -> tuple[BakeTarget, list[str]]:
+    """Read the chosen objects, or the active one and the others as the detailed mesh.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    maps : set of str
+        Names of maps; those that need a detailed mesh are left out where there is none.
+    size : int
+        Width and height of the images.
+    from_selected : bool
+        Whether the other selected objects are the detailed mesh.
+    occlude : bool
+        Whether other visible objects stand in the way of occlusion.
+
+    Returns
+    -------
+    target : BakeTarget
+    skipped : list of str
+        A sentence for each object that was left alone.
+
+    Raises
+    ------
+    Skipped
+        If nothing can be read, or no map is left.
+    """
+    objects = mesh_users(context)
+    details: list[bpy.types.Object] = []
+    if from_selected:
+        details = [obj for obj in mesh_objects(context) if obj != context.object]
+        objects = [obj for obj in objects if obj == context.object]
+        if not details or not objects:
+            raise Skipped("select the detailed objects, and last the one that gets the maps")
+    faces, names, skipped = textures.read_faces(context, objects, None, None, with_normals=True)
+    with meshes.object_mode(context):
+        high = _joined([_read(obj) for obj in details]) if details else None
+        others = _others(context, [*objects, *details]) if occlude else []
+    possible = [name for name in SUFFIXES if high is not None or name not in _OF_HIGH]
+    if high is not None and high.colors is None:
+        possible.remove("colors")
+    wanted = tuple(name for name in possible if name in maps)
+    if not wanted:
+        raise Skipped("no map is left; choose some, such as curvature")
+    surface = BakeSurface(faces, (size, size), wanted, high, others)
+    return BakeTarget(names[0], surface, names), skipped
+
+
+def write(
+    target: BakeTarget, found: dict[str, npt.NDArray[np.float32]], used: str, *, in_floats: bool
+) -> dict[str, bpy.types.Image]:
+    """Write maps into images, which those of the last run become again if they are untouched.
+
+    Parameters
+    ----------
+    target : BakeTarget
+    found : dict
+        Images (h, w, c) by the names of maps.
+    used : str
+        Names of the images of the last run, in lines.
+    in_floats : bool
+        Whether images hold floats; colors always do.
+    """
+    before = dict(line.split("\t") for line in used.splitlines() if "\t" in line)
+    made = {}
+    for name, values in found.items():
+        is_float = in_floats or name == "colors"
+        pixels = np.ones((*values.shape[:2], 4), dtype=np.float32)
+        pixels[..., :3] = values[..., :3]
+        if not is_float:
+            _dither(pixels)
+        title = f"{target.name}_{SUFFIXES[name]}"
+        made[name] = fields.add_or_reuse(title, before.get(name, ""), pixels, is_float)
+        images.keep(made[name])
+    return made
+
+
+def show(names: list[str], made: dict[str, bpy.types.Image]) -> None:
+    """Put maps into the active materials of objects: normals and colors linked, others not."""
+    for name in names:
+        obj = bpy.data.objects[name]
+        material = obj.active_material
+        if material is None:
+            material = bpy.data.materials.new(obj.name)
+            if bpy.app.version < (5, 0, 0):  # later, all use them
+                material.use_nodes = True
+            if obj.material_slots:
+                obj.material_slots[obj.active_material_index].material = material
+            else:
+                obj.data.materials.append(material)
+        if material.library is not None or material.node_tree is None:
+            continue
+        for key, image in made.items():
+            _link(material, key, fields.image_node(material, image, activate=False))
+
+
+def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    shader = next((each for each in nodes if each.type == "BSDF_PRINCIPLED"), None)
+    if shader is None:
+        return
+    color, normal = shader.inputs["Base Color"], shader.inputs["Normal"]
+    if key == "colors" and not color.is_linked:
+        links.new(node.outputs["Color"], color)
+    if key == "normals" and not normal.is_linked and not node.outputs["Color"].is_linked:
+        between = nodes.new("ShaderNodeNormalMap")
+        between.location = node.location[0] + 300.0, node.location[1]
+        links.new(node.outputs["Color"], between.inputs["Color"])
+        links.new(between.outputs["Normal"], normal)
+
+
+def _others(context: bpy.types.Context, left: list[bpy.types.Object]) -> list[WorldMesh]:
+    found = []
+    for obj in context.visible_objects:
+        if obj.type == "MESH" and obj not in left and obj.data.polygons and not obj.hide_render:
+            try:
+                found.append(_read(obj))
+            except Skipped:
+                continue  # flat or in another mode: it casts no shadow
+    return found
+
+
+def _read(obj: bpy.types.Object) -> WorldMesh:
+    meshes.check_readable(obj)
+    mesh = obj.data
+    matrix = meshes.matrix_in_world(obj)
+    triangles = meshes.read_triangles(mesh).astype(np.int64)
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        triangles = triangles[:, ::-1]
+    positions = meshes.read_positions(mesh).astype(np.float64)
+    return WorldMesh(positions @ matrix[:3, :3].T + matrix[:3, 3], triangles, _colors(mesh))
+
+
+def _colors(mesh: bpy.types.Mesh) -> npt.NDArray[np.float64] | None:
+    # The mean of the corners' colors at each vertex.
+    attribute = mesh.color_attributes.active_color
+    if attribute is None:
+        return None
+    values = arrays.read_attribute(attribute).astype(np.float64)[:, :3]
+    if attribute.domain == "POINT" or not np.isfinite(values).all():
+        return values if np.isfinite(values).all() else None
+    vertices = meshes.read_corner_vertices(mesh)
+    count = len(mesh.vertices)
+    sums = [np.bincount(vertices, column, minlength=count) for column in values.T]
+    number = np.maximum(np.bincount(vertices, minlength=count), 1)
+    return np.stack(sums, axis=1) / number[:, None]
+
+
+def _joined(parts: list[WorldMesh]) -> WorldMesh:
+    firsts = np.cumsum([0, *(len(part.positions) for part in parts)])
+    colors = [part.colors for part in parts if part.colors is not None]
+    return WorldMesh(
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate([part.triangles + n for part, n in zip(parts, firsts, strict=False)]),
+        np.concatenate(colors) if len(colors) == len(parts) else None,
+    )
+
+
+def _dither(pixels: npt.NDArray[np.float32]) -> None:
+    # Noise of one step of 8 bits, so that slow ramps show no bands; flat ends stay.
+    noise = np.random.default_rng(0).random(pixels.shape[:2], dtype=np.float32) - np.float32(0.5)
+    shown = (pixels[..., :3] > 0) & (pixels[..., :3] < 1)
+    pixels[..., :3] += np.where(shown, noise[..., None] / 255, 0)
+    np.clip(pixels, 0.0, 1.0, out=pixels)

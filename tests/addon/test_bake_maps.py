@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of Bake Maps: of objects themselves, and of detailed ones onto a simple one."""
+
+import bpy
+import numpy as np
+import pytest
+from shock_filter.shock_addon.operators import base as operators
+
+SIZE = 256
+
+
+def bake(**choices):
+    return bpy.ops.shock_filter.bake_maps(image_size=str(SIZE), **{"rays": 8, **choices})
+
+
+def grid(name, cells, height=0.0):
+    bpy.ops.mesh.primitive_grid_add(
+        x_subdivisions=cells, y_subdivisions=cells, size=2, calc_uvs=True
+    )
+    obj = bpy.context.object
+    obj.name = name
+    for vertex in obj.data.vertices:
+        square = vertex.co.x**2 + vertex.co.y**2
+        vertex.co.z = height * np.exp(-8 * square)
+    return obj
+
+
+@pytest.fixture
+def low(select):
+    obj = grid("Low", 1)
+    select(obj)
+    return obj
+
+
+def read(name):
+    image = bpy.data.images[name]
+    pixels = np.empty(SIZE * SIZE * 4, dtype=np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(SIZE, SIZE, 4)[..., :3]
+
+
+def test_all_maps_of_an_object_have_names_that_others_know(low):
+    assert bake() == {"FINISHED"}
+    names = {image.name for image in bpy.data.images}
+    assert names == {"Low_curvature", "Low_ao", "Low_thickness"}
+    for image in bpy.data.images:
+        assert image.is_float and image.colorspace_settings.is_data and image.packed_file
+    assert np.allclose(read("Low_ao"), 1) and np.allclose(read("Low_curvature"), 0.5)
+    nodes = low.active_material.node_tree.nodes
+    assert {node.image.name for node in nodes if node.type == "TEX_IMAGE"} == names
+    assert not nodes["Principled BSDF"].inputs["Base Color"].is_linked
+    assert (
+        "Baked Low_curvature, Low_ao, Low_thickness of 1 object" in operators.summaries["generate"]
+    )
+
+
+def test_a_detailed_object_comes_onto_the_active_one(low, select):
+    high = grid("High", 60, 0.1)
+    for obj in (low, high):
+        obj.location.x, obj.scale = 3, (2, 2, 2)
+    colors = high.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    for each, vertex in zip(colors.data, high.data.vertices, strict=True):
+        each.color = 0.5 + 0.5 * vertex.co.x, 0, 0, 1
+    bpy.context.view_layer.update()
+    select(low, high)
+    assert bake(from_selected=True, cage=0.5) == {"FINISHED"}
+    height, normal, color = (read(f"Low_{each}") for each in ("height", "normal", "basecolor"))
+    middle = SIZE // 2
+    assert height[middle, middle, 0] == pytest.approx(0.5 + 0.5 * 0.2 / 0.5, abs=0.01)
+    assert np.abs(normal[middle, middle] - [0.5, 0.5, 1]).max() < 0.05
+    assert normal[middle, middle + 30, 0] > 0.6 and normal[middle + 30, middle, 1] > 0.6
+    assert np.abs(color[middle, :, 0] - (np.arange(SIZE) + 0.5) / SIZE).max() < 0.01
+    tree = low.active_material.node_tree
+    shader = tree.nodes["Principled BSDF"]
+    assert shader.inputs["Normal"].links[0].from_node.type == "NORMAL_MAP"
+    assert shader.inputs["Base Color"].links[0].from_node.image.name == "Low_basecolor"
+    assert not high.data.materials
+
+
+def test_other_visible_objects_stand_in_the_way(low, select):
+    wall = grid("Wall", 1)
+    wall.rotation_euler.y, wall.scale = np.pi / 2, (9, 9, 9)
+    bpy.context.view_layer.update()
+    select(low)
+    assert bake(maps={"occlusion"}, rays=64) == {"FINISHED"}
+    assert abs(read("Low_ao")[SIZE // 2, SIZE // 2 + 4, 0] - 0.5) < 0.05
+    assert bake(maps={"occlusion"}, occlude=False, depth="BYTE") == {"FINISHED"}
+    assert np.allclose(read("Low_ao.001"), 1)
+    wall.hide_set(True)
+    assert bake(maps={"occlusion"}) == {"FINISHED"}
+    assert np.allclose(read("Low_ao.002"), 1)
+
+
+def test_what_is_missing_is_said(low):
+    with pytest.raises(RuntimeError, match="last the one that gets the maps"):
+        bake(from_selected=True)
+    with pytest.raises(RuntimeError, match="no map is left"):
+        bake(maps={"normals"})
+    low.data.uv_layers.remove(low.data.uv_layers[0])
+    with pytest.raises(RuntimeError, match="Unwrap"):
+        bake()
+
+
+def test_remeshed_sharpened_simplified_and_baked(select):
+    """The whole road: the low poly with its maps is near the sharpened mesh."""
+    bpy.ops.mesh.primitive_cube_add(size=2)
+    obj = bpy.context.object
+    obj.name = "Part"
+    remesh = obj.modifiers.new("Remesh", "REMESH")
+    remesh.mode, remesh.voxel_size = "VOXEL", 0.12
+    bpy.ops.object.modifier_apply(modifier="Remesh")
+    assert bpy.ops.shock_filter.sharpen_geometry() == {"FINISHED"}
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    low = bpy.context.object
+    assert len(low.data.polygons) < 0.2 * len(obj.data.polygons)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.uv.smart_project(island_margin=0.02)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    obj.hide_set(False)
+    select(low, obj)
+    maps = {"normals", "displacement", "occlusion", "curvature"}
+    assert bake(from_selected=True, maps=maps) == {"FINISHED"}
+    assert len(bpy.data.images) == 4
+    assert all(np.isfinite(read(image.name)).all() for image in bpy.data.images)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of maps baked together, and of those of a detailed mesh onto a simple one."""
+
+import numpy as np
+import pytest
+from shapes import grid, icosphere
+from shock_filter import core
+
+SIZE = 48, 48
+
+
+def sheets(height=0.0):
+    """A square of two triangles, and a fine one above it, with a bump of this height."""
+    low = core.TriangleMesh(
+        [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]]
+    )
+    vertices, faces = grid(40, 40)
+    vertices = 2 * vertices / np.ptp(vertices[:, 0])
+    vertices -= 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    x, y = vertices[:, 0], vertices[:, 1]
+    vertices[:, 2] = height * np.exp(-8 * (x * x + y * y))
+    if core.TriangleMesh(vertices, faces).normals[0, 2] < 0:
+        faces = faces[:, ::-1]
+    return low, core.TriangleMesh(vertices, faces), 0.5 + 0.5 * low.vertices[low.faces][..., :2]
+
+
+def centres():
+    place = -1 + 2 * (np.arange(SIZE[0]) + 0.5) / SIZE[0]
+    return np.meshgrid(place, place)
+
+
+def test_each_map_is_that_of_its_own_function():
+    mesh, _, uv = sheets()
+    settings = core.BakeSettings(rays=16)
+    few = core.OcclusionSettings(rays=16)
+    wall = core.TriangleMesh([[0, -9, 0], [0, 9, 0], [0, 0, 9]], [[0, 1, 2]])
+    baked = core.bake_maps(mesh, uv, settings, size=SIZE, occluders=[wall])
+    assert list(baked) == ["curvature", "occlusion", "bent_normals", "thickness"]
+    wanted = core.ambient_occlusion(mesh, uv, few, size=SIZE, occluders=[wall])
+    assert np.array_equal(baked["occlusion"], wanted)
+    bent = core.bent_normals(mesh, uv, few, size=SIZE, occluders=[wall])
+    assert np.abs(2 * baked["bent_normals"] - 1 - bent).max() < 0.02
+    assert np.array_equal(baked["curvature"], core.curvature_map(mesh, uv, size=SIZE))
+
+
+def test_heights_and_normals_of_a_bump():
+    low, high, uv = sheets(0.08)
+    baked = core.bake_maps(low, uv, size=SIZE, maps=["normals", "displacement"], high=high)
+    x, y = centres()
+    wanted = 0.08 * np.exp(-8 * (x * x + y * y))
+    assert np.abs(baked["displacement"] - wanted).max() < 1e-3
+    normals = np.stack([16 * x * wanted, 16 * y * wanted, np.ones_like(x)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    found = 2 * baked["normals"] - 1  # u runs along x, and v along y
+    assert np.abs(found - normals)[2:-2, 2:-2].max() < 0.03
+
+
+def test_a_mesh_onto_itself_is_flat_and_keeps_its_colors():
+    vertices, faces = icosphere(3)
+    ball = core.TriangleMesh(vertices, faces)
+    corners = ball.vertices[ball.faces]
+    upper = np.where(corners[:, :, 2:].mean(axis=1, keepdims=True) > 0, 0.25, 0.75)
+    uv = upper + 0.2 * corners[..., :2]
+    atlas = core.TextureAtlas(ball, uv, size=SIZE)
+    colors = 0.5 + 0.5 * ball.vertices
+    baked = core.bake_maps(
+        ball,
+        uv,
+        core.BakeSettings(gutter=0),
+        size=SIZE,
+        maps=["normals", "displacement", "colors"],
+        high=ball,
+        colors=colors,
+        atlas=atlas,
+    )
+    inside = atlas.inside
+    assert np.abs(baked["displacement"][inside]).max() < 1e-4
+    assert np.abs(baked["normals"][inside] - [0.5, 0.5, 1.0]).max() < 0.01
+    wanted = 0.5 + 0.5 * atlas.bake(ball.vertices[ball.faces])
+    assert np.abs(baked["colors"] - wanted)[inside].max() < 0.01
+
+
+def test_what_the_cage_does_not_reach_stays_flat():
+    low, high, uv = sheets()
+    away = core.TriangleMesh(high.vertices + [0, 0, 0.5], high.faces)
+    settings = core.BakeSettings(cage=0.1)
+    baked = core.bake_maps(
+        low, uv, settings, size=SIZE, maps=["normals", "displacement"], high=away
+    )
+    assert not baked["displacement"].any()
+    assert np.abs(baked["normals"] - [0.5, 0.5, 1.0]).max() < 1e-4
+    reached = core.BakeSettings(cage=0.6, look="gray")
+    baked = core.bake_maps(low, uv, reached, size=SIZE, maps=["displacement"], high=away)
+    assert np.abs(baked["displacement"] - (0.5 + 0.5 * 0.5 / 0.6)).max() < 1e-3
+
+
+def test_wrong_input_and_cancelling():
+    low, high, uv = sheets()
+    with pytest.raises(core.InvalidSettings, match="give it as `high`"):
+        core.bake_maps(low, uv, size=SIZE, maps=["normals"])
+    with pytest.raises(core.InvalidSettings, match="there are curvature"):
+        core.bake_maps(low, uv, size=SIZE, maps=["albedo"])
+    with pytest.raises(core.InvalidSettings, match="give `colors`"):
+        core.bake_maps(low, uv, size=SIZE, maps=["colors"], high=high)
+    with pytest.raises(core.InvalidSignal, match="colors have the shape"):
+        core.bake_maps(low, uv, size=SIZE, maps=["colors"], high=high, colors=[[1, 2, 3]])
+    with pytest.raises(core.Cancelled):
+        core.bake_maps(low, uv, size=SIZE, progress=lambda *_: False)
