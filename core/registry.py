@@ -319,6 +319,12 @@ def _fill_texture() -> Any:
     return fill_texture
 
 
+def _enlarge_texture() -> Any:
+    from .repair.enlarging import enlarge_texture
+
+    return enlarge_texture
+
+
 def _make_tileable() -> Any:
     from .repair.tiling import make_tileable
 
@@ -514,6 +520,16 @@ FILTERS: tuple[Filter, ...] = (
         takes_normals=True,
     ),
     Filter(
+        "enlarge_texture",
+        "repair.enlarging",
+        _settings.EnlargeSettings,
+        TEXTURE,
+        "enlarge-texture",
+        "enlarge textures; charts see across their seams what the surface has there",
+        _enlarge_texture,
+        takes_mask=False,
+    ),
+    Filter(
         "make_tileable",
         "repair.tiling",
         _settings.TileSettings,
@@ -660,7 +676,6 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "shape.fit": ("fit_to_normals",),
     "shape.low_poly": ("LowPoly", "crisp_low_poly"),
     "shape.sharpening": ("geometry_flow", "sharpen_normals"),
-    "repair.enlarging": ("enlarge_texture",),
     "repair.filling": ("find_missing",),
     "texture.gradient_domain": ("TextureSolver",),
     "texture.normal_maps": ("object_normals", "tangent_normals"),

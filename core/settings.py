@@ -649,6 +649,24 @@ class FillSettings(DilateSettings):
 
 
 @_fields
+class EnlargeSettings(DilateSettings):
+    """Settings of :func:`shock_filter.core.enlarge_texture`."""
+
+    factor: int = _setting(
+        2,
+        "How many times higher and wider the texture becomes. 1 only fills the gutter; 2, 3, 4, 6"
+        " and 8 are as was learned from made pictures",
+        unit="times",
+        minimum=1,
+        maximum=8,
+        soft_maximum=4,
+        role="enlargement",
+    )
+    alpha: str = _alpha()
+    content: str = _content()
+
+
+@_fields
 class TileSettings(_Settings):
     """Settings of :func:`shock_filter.core.make_tileable`."""
 

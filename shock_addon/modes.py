@@ -282,8 +282,10 @@ class Mode(Row):
 
     @property
     def has_preview(self) -> bool:
-        """Whether it has a preview; films do not, nor what is beside the charts only."""
-        return self.data.handled_as != "films" and not self.targets[0].row.fills_gutter
+        """Whether it has a preview; films do not, nor larger textures, nor mere gutters."""
+        row = self.targets[0].row
+        is_larger = row.kind.on_mesh and named(row.settings, "enlargement") != ""
+        return self.data.handled_as != "films" and not row.fills_gutter and not is_larger
 
     @property
     def follows(self) -> type | None:
@@ -663,6 +665,23 @@ MODES: list[Mode] = [
                 "For slow gradients: colors go on as they run in, which takes longer",
                 {"surface": "thin_plate"},
             ),
+        ),
+    ),
+    Mode(
+        "enlarge",
+        "Enlarge",
+        "Enlarge a texture, sharper than by stretching it; its charts see across their seams",
+        "enlarge_texture",
+        "Make a texture higher and wider, with crisp edges; its charts see across their seams what"
+        " the surface has there, so that seams do not show",
+        (Target("enlarge_texture", first=("factor",)),),
+        "Enlarged",
+        "repair",
+        announced="Will enlarge: {}",
+        about_in_images="Enlarge it on the surface of the selected objects that show it",
+        icon="FULLSCREEN_ENTER",
+        presets=(
+            Preset("Four Times", "For textures of 1K that shall become 4K", {"factor": 4}),
         ),
     ),
     Mode(

@@ -28,6 +28,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import (
     BeltramiTextureSettings,
     DilateSettings,
+    EnlargeSettings,
     FillSettings,
     FilterSettings,
     StitchSettings,
@@ -35,7 +36,12 @@ from ..settings import (
 )
 
 _WithContent = (
-    BeltramiTextureSettings | FillSettings | FilterSettings | StitchSettings | TextureSettings
+    BeltramiTextureSettings
+    | EnlargeSettings
+    | FillSettings
+    | FilterSettings
+    | StitchSettings
+    | TextureSettings
 )
 
 
@@ -98,7 +104,7 @@ def check_content(pixels: npt.NDArray, settings: _WithContent) -> None:
 
 
 def checked_content(
-    pixels: npt.NDArray, settings: BeltramiTextureSettings | TextureSettings
+    pixels: npt.NDArray, settings: BeltramiTextureSettings | EnlargeSettings | TextureSettings
 ) -> tuple[int, bool]:
     """Return the channel of opacity, and whether the others are tangent-space normals.
 
