@@ -325,6 +325,12 @@ def _enlarge_texture() -> Any:
     return enlarge_texture
 
 
+def _repair_texture() -> Any:
+    from .repair.repairing import repair_texture
+
+    return repair_texture
+
+
 def _make_tileable() -> Any:
     from .repair.tiling import make_tileable
 
@@ -530,6 +536,19 @@ FILTERS: tuple[Filter, ...] = (
         takes_mask=False,
     ),
     Filter(
+        "repair_texture",
+        "repair.repairing",
+        _settings.RepairSettings,
+        TEXTURE,
+        "repair-texture",
+        "repair textures of generated and photographed models: blocks, noise, holes, seams, blur",
+        _repair_texture,
+        is_slow=True,
+        needs_levels=True,
+        mask_as="missing",
+        takes_normals=True,
+    ),
+    Filter(
         "make_tileable",
         "repair.tiling",
         _settings.TileSettings,
@@ -677,6 +696,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "shape.low_poly": ("LowPoly", "crisp_low_poly"),
     "shape.sharpening": ("geometry_flow", "sharpen_normals"),
     "repair.filling": ("find_missing",),
+    "repair.repairing": ("repair_textures",),
     "texture.gradient_domain": ("TextureSolver",),
     "texture.normal_maps": ("object_normals", "tangent_normals"),
     "color.osher_rudin": ("osher_rudin_image",),

@@ -667,6 +667,80 @@ class EnlargeSettings(DilateSettings):
 
 
 @_fields
+class RepairSettings(DilateSettings):
+    """Settings of :func:`shock_filter.core.repair_texture`."""
+
+    enlarge: int = _setting(
+        1,
+        "How many times higher and wider the texture becomes. 1 keeps the size",
+        unit="times",
+        minimum=1,
+        maximum=8,
+        soft_maximum=4,
+        role="enlargement",
+    )
+    sharpen: float = _setting(
+        1.0,
+        "How much blurred borders are sharpened. 0 leaves them",
+        unit="of the change",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+    denoise: float = _setting(
+        1.0,
+        "How much of the noise that is found goes. 0 leaves it",
+        unit="of the change",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+    blocks: float = _setting(
+        1.0,
+        "How much is smoothed where JPEG compression left blocks, as a factor of what it took"
+        " away. 0 leaves them",
+        unit="times",
+        maximum=4.0,
+        soft_maximum=2.0,
+    )
+    fill: str = _setting(
+        "auto",
+        "What is filled from around it on the surface",
+        choices={
+            "auto": "Transparent texels; without these, faces that are black all over",
+            "opacity": "Transparent texels",
+            "unseen": "Faces that are black all over, as where no photo saw the surface",
+            "nothing": "Nothing",
+        },
+    )
+    stitch: str = _setting(
+        "seams",
+        "Which texels change so that both sides of each seam meet",
+        choices={
+            "everywhere": "All, so that charts of other brightness or color become alike",
+            "seams": "Those at seams alone",
+            "nothing": "None",
+        },
+    )
+    alpha: str = _alpha()
+    content: str = _content()
+
+
+@_fields
+class ModelSettings(RepairSettings):
+    """Settings of ``shock-filter repair-model``."""
+
+    geometry: str = _setting(
+        "keep",
+        "What becomes of the shape",
+        choices={
+            "keep": "It stays",
+            "denoise": "Noise goes; creases stay",
+            "creases": "Rounded creases become sharp",
+            "both": "First one, then the other",
+        },
+    )
+
+
+@_fields
 class TileSettings(_Settings):
     """Settings of :func:`shock_filter.core.make_tileable`."""
 
