@@ -92,6 +92,10 @@ from .repair.filling import (
     fill_texture,
     find_missing,
 )
+from .repair.repairing import (
+    repair_texture,
+    repair_textures,
+)
 from .repair.tiling import (
     make_tileable,
 )
@@ -106,6 +110,7 @@ from .settings import (
     DilateSettings,
     DistanceSettings,
     DyeSettings,
+    EnlargeSettings,
     FillSettings,
     FilterSettings,
     FitSettings,
@@ -114,6 +119,7 @@ from .settings import (
     NoiseSettings,
     OcclusionSettings,
     ReactionSettings,
+    RepairSettings,
     ShockSettings,
     StitchSettings,
     StreakSettings,
@@ -186,6 +192,7 @@ __all__ = [
     "DistanceSettings",
     "DyeSettings",
     "DyeSource",
+    "EnlargeSettings",
     "FillSettings",
     "FilterSettings",
     "FitSettings",
@@ -199,6 +206,7 @@ __all__ = [
     "NoiseSettings",
     "OcclusionSettings",
     "ReactionSettings",
+    "RepairSettings",
     "ShockError",
     "ShockSettings",
     "SolverError",
@@ -250,6 +258,8 @@ __all__ = [
     "principal_directions",
     "reaction_diffusion",
     "remove_blocks",
+    "repair_texture",
+    "repair_textures",
     "sharpen_corner_signal",
     "sharpen_geometry",
     "sharpen_image",

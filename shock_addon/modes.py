@@ -668,6 +668,39 @@ MODES: list[Mode] = [
         ),
     ),
     Mode(
+        "repair",
+        "Repair",
+        "Repair the texture of a generated or photographed model: blocks, noise, unseen faces,"
+        " seams, blur",
+        "repair_texture",
+        "Remove blocks of compression and noise, fill what no photo saw, bring both sides of seams"
+        " together, and sharpen, each where there is something to do",
+        (
+            Target(
+                "repair_texture",
+                first=("enlarge", "sharpen", "denoise", "blocks", "fill", "stitch"),
+            ),
+        ),
+        "Repaired",
+        "repair",
+        announced="Will repair: {}",
+        advice="what is missing may be painted as a mask",
+        about_in_images="Repair it on the surface of the selected objects that show it",
+        icon="TOOL_SETTINGS",
+        presets=(
+            Preset(
+                "Twice as Large",
+                "For generated models: 1K becomes 2K, with crisp borders",
+                {"enlarge": 2},
+            ),
+            Preset(
+                "Even Out Charts",
+                "For photogrammetry whose charts differ in brightness",
+                {"stitch": "everywhere"},
+            ),
+        ),
+    ),
+    Mode(
         "enlarge",
         "Enlarge",
         "Enlarge a texture, sharper than by stretching it; its charts see across their seams",

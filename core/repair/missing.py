@@ -18,6 +18,12 @@ Bools = npt.NDArray[np.bool_]
 _BLACK = 2.5 / 255
 """Values up to this are black, though bytes were rounded and compressed."""
 
+_RUN_IN = 12 / 255
+"""Values up to this are black where a picture was compressed until blocks were seen."""
+
+_BLACK_LEFT = 0.6
+"""Share of the texels of unseen faces that are still black there."""
+
 _STRAY = 0.15
 """Share of black texels in the faces around a group of black ones from which it is painted."""
 
@@ -86,7 +92,9 @@ def _of_color(pixels: npt.NDArray, color: npt.NDArray, alpha: int) -> Bools:
     return (off <= step).all(axis=2)
 
 
-def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> Bools:
+def unseen_texels(
+    atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1, *, was_compressed: bool = False
+) -> Bools:
     """Find the texels of faces that no photo saw: groups of faces that are black all over.
 
     What is painted black does not end where faces do: a group counts only if few of the texels
@@ -98,9 +106,12 @@ def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> 
     pixels : (h, w, c) array
     alpha : int
         The channel of opacity, which does not matter; -1: none.
+    was_compressed : bool
+        Whether compression, as JPEG does, lets colors from around run into what was black.
     """
+    level, share = (_RUN_IN, _BLACK_LEFT) if was_compressed else (_BLACK, 1.0)
     colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
-    black = (colors <= _BLACK / SCALES[pixels.dtype.name]).all(axis=2)
+    black = (colors <= level / SCALES[pixels.dtype.name]).all(axis=2)
     masks = atlas.masks()
     face = masks.face
     shown = face >= 0
@@ -108,7 +119,7 @@ def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> 
     texels = np.bincount(face[shown], minlength=count)
     dark = np.bincount(face[shown & black], minlength=count)
     # Texels on a face's border may show another face's color.
-    unseen = (texels > 0) & (dark >= texels - 0.1 * np.sqrt(texels))
+    unseen = (texels > 0) & (dark >= share * texels - 0.1 * np.sqrt(texels))
     groups = _groups(atlas, unseen | ((texels == 0) & _beside(atlas, unseen)))
     total = int(groups.max(initial=-1)) + 1
     if total == 0:

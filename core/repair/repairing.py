@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import LARGEST, by_keyword, checked_image, checked_weights
+from ..base.checks import LARGEST, SCALES, by_keyword, checked_image, checked_weights
 from ..base.findings import tell
 from ..base.progress import ProgressCallback, phase, reporting
+from ..color.image_sharpening import measure_image
 from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..grid.resize import resized
@@ -23,6 +24,7 @@ from ..settings import (
     DilateSettings,
     EnlargeSettings,
     FillSettings,
+    ImageSettings,
     RepairSettings,
     StitchSettings,
     TextureSettings,
@@ -35,9 +37,20 @@ from ..texture.texels import check_content, checked_atlas
 from .blocks import remove_blocks
 from .enlarging import enlarge_texture
 from .filling import fill_texture
-from .missing import missing_texels
+from .missing import missing_texels, unseen_texels
 
 _Bools = npt.NDArray[np.bool_]
+
+_STEP = 12 / 255
+"""Where a step at a seam would move texels farther than this, different materials meet, and half
+of the change or less is taken."""
+
+_CRISP, _BLURRED = 1.4, 2.2
+"""Widths of borders in texels, from 10 to 90 %, that need no sharpening and all of it."""
+
+_WIDE, _GRADIENT = 8.0, 14.0
+"""Widths that need all of it, and those of gradients, which are not meant to be borders."""
+
 
 class _Surface(NamedTuple):
     # What shows an image.
@@ -231,11 +244,11 @@ def _missing(
         limit = resized(within.astype(np.float32)[..., None], image.shape[:2])[..., 0] > 0.5
     how = FillSettings(find=settings.fill)
     alpha = _alpha_of(image, settings)
-    found = np.zeros(image.shape[:2])
-    for each in (image, clean):
-        pixels = each.reshape(*each.shape[:2], -1)
-        weights = missing_texels(surface.atlas, pixels, alpha, None, how)
-        found = np.maximum(found, np.where(surface.atlas.inside, weights, 0.0))
+    pixels = image.reshape(*image.shape[:2], -1)
+    inside = surface.atlas.inside
+    found = missing_texels(surface.atlas, pixels, alpha, None, how) * inside
+    if settings.fill != "opacity" and not found.any() and (clean != image).any():
+        found = unseen_texels(surface.atlas, pixels, alpha, was_compressed=True) * inside * 1.0
     return found if limit is None else found * limit
 
 
@@ -286,9 +299,15 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
         alpha=settings.alpha,
         content=settings.content,
     )
-    return stitch_textures(
+    result = stitch_textures(
         surface.mesh, surface.uv, image, how, normals=surface.normals, atlas=surface.atlas
     )
+    if settings.stitch == "everywhere":
+        return result
+    old, new = (each.reshape(*image.shape[:2], -1).astype(np.float32) for each in (image, result))
+    far = np.abs(new - old).max(axis=2, keepdims=True) * SCALES[image.dtype.name] / _STEP
+    mixed = old + (new - old) / (1 + far**4)
+    return _stored(mixed, image)
 
 
 def _finished(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -> npt.NDArray:
@@ -298,10 +317,29 @@ def _finished(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
     if settings.enlarge > 1:  # which sharpens by itself
         larger = EnlargeSettings(factor=settings.enlarge, **words)
         return enlarge_texture(mesh, uv, image, larger, atlas=atlas)
-    if settings.sharpen > 0:
-        sharper = TextureSettings(amount=settings.sharpen, **words)
+    amount = settings.sharpen * _blur(image, settings)
+    if amount > 0:
+        sharper = TextureSettings(amount=amount, **words)
         return sharpen_texture(mesh, uv, image, sharper, atlas=atlas)
     return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
+
+
+def _blur(image: npt.NDArray, settings: RepairSettings) -> float:
+    # How much of the sharpening the borders need, by their measured width.
+    if settings.sharpen == 0:
+        return 0.0
+    width = measure_image(image, ImageSettings(what="photo", alpha=settings.alpha)).borders.width
+    share = float(np.interp(width, [_CRISP, _BLURRED, _WIDE, _GRADIENT], [0.0, 1.0, 1.0, 0.0]))
+    if share == 0:
+        tell("Borders are as crisp as texels allow; they were not sharpened.")
+    return share
+
+
+def _stored(values: npt.NDArray[np.float32], like: npt.NDArray) -> npt.NDArray:
+    # In the type and shape of an image.
+    if like.dtype.kind == "u":
+        values = np.rint(np.clip(values, 0, np.iinfo(like.dtype).max))
+    return values.reshape(like.shape).astype(like.dtype)
 
 
 def _common(settings: RepairSettings) -> dict[str, object]:
