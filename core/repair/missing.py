@@ -18,11 +18,17 @@ Bools = npt.NDArray[np.bool_]
 _BLACK = 2.5 / 255
 """Values up to this are black, though bytes were rounded and compressed."""
 
-_RUN_IN = 12 / 255
-"""Values up to this are black where a picture was compressed until blocks were seen."""
+_RUN_IN = 14 / 255
+"""Means of channels up to this are black where a picture was compressed until blocks were seen."""
 
-_BLACK_LEFT = 0.6
-"""Share of the texels of unseen faces that are still black there."""
+_LEFT = 0.5
+"""Least share of black texels in each unseen face there, and of truly black ones in all."""
+
+_RINGS = 4
+"""Texels around unseen faces that are filled, too, there, as black has run into them."""
+
+_STRAY_THERE = 0.3
+"""As `_STRAY`, there."""
 
 _STRAY = 0.15
 """Share of black texels in the faces around a group of black ones from which it is painted."""
@@ -109,9 +115,15 @@ def unseen_texels(
     was_compressed : bool
         Whether compression, as JPEG does, lets colors from around run into what was black.
     """
-    level, share = (_RUN_IN, _BLACK_LEFT) if was_compressed else (_BLACK, 1.0)
     colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
-    black = (colors <= level / SCALES[pixels.dtype.name]).all(axis=2)
+    white = 1.0 / SCALES[pixels.dtype.name]
+    share, most, left = 1.0, _STRAY, 0.0
+    if was_compressed:  # color runs farther than brightness
+        means = colors.mean(axis=2, dtype=np.float32)
+        black, truly = means <= _RUN_IN * white, means <= _BLACK * white
+        share, most, left = _LEFT, _STRAY_THERE, _LEFT
+    else:
+        black = truly = (colors <= _BLACK * white).all(axis=2)
     masks = atlas.masks()
     face = masks.face
     shown = face >= 0
@@ -132,12 +144,25 @@ def unseen_texels(
     others, group = twins[edges] // 3, groups[edges // 3]
     around = np.bincount(group, texels[others], total)
     stray = np.bincount(group, dark[others], total)
-    found = (size >= _FEWEST) & (stray <= _STRAY * around)
+    core = np.bincount(groups[face[shown & truly]] + 1, minlength=total + 1)[1:]
+    found = (size >= _FEWEST) & (stray <= most * around) & (core >= left * size)
     of_face = np.zeros(count, dtype=np.bool_)
     of_face[groups >= 0] = found[groups[groups >= 0]]
     result = np.zeros(face.shape, dtype=np.bool_)
     result[shown] = of_face[face[shown]]
-    return result
+    return widened(result, _RINGS) & shown if was_compressed else result
+
+
+def widened(marked: Bools, rings: int) -> Bools:
+    """Mark texels within some rings of neighbors of marked ones, too."""
+    for _ in range(rings):
+        wide = marked.copy()
+        wide[1:] |= marked[:-1]
+        wide[:-1] |= marked[1:]
+        marked = wide.copy()
+        marked[:, 1:] |= wide[:, :-1]
+        marked[:, :-1] |= wide[:, 1:]
+    return marked
 
 
 def _beside(atlas: TextureAtlas, faces: Bools) -> Bools:

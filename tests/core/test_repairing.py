@@ -40,9 +40,11 @@ def off(atlas, found, image):
 
 def test_what_needs_nothing_stays_bit_for_bit_in_its_charts(model):
     mesh, uv, image, atlas = model
-    settings = core.RepairSettings(sharpen=0)
+    settings = core.RepairSettings(stitch="nothing")
     result = core.repair_texture(mesh, uv, image, settings, atlas=atlas)
-    assert np.abs(result.astype(int) - image)[atlas.inside].max() <= 1
+    assert (result[atlas.inside] == image[atlas.inside]).all()
+    result = core.repair_texture(mesh, uv, image, atlas=atlas)
+    assert (result != image).any(axis=2)[atlas.inside].mean() < 0.02  # texels at seams
     result = core.repair_texture(mesh, uv, image, core.RepairSettings(**KEEP), atlas=atlas)
     assert (result[atlas.inside] == image[atlas.inside]).all()
 
