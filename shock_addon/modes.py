@@ -713,9 +713,7 @@ MODES: list[Mode] = [
         announced="Will enlarge: {}",
         about_in_images="Enlarge it on the surface of the selected objects that show it",
         icon="FULLSCREEN_ENTER",
-        presets=(
-            Preset("Four Times", "For textures of 1K that shall become 4K", {"factor": 4}),
-        ),
+        presets=(Preset("Four Times", "For textures of 1K that shall become 4K", {"factor": 4}),),
     ),
     Mode(
         "tile",

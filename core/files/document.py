@@ -3,17 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from ..errors import InvalidMesh
-
-if TYPE_CHECKING:
-    from .formats.mesh.maps import MapGroup
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -56,18 +53,6 @@ class InPlaceDocument(Document, Protocol):
 
     def read_uvs(self) -> tuple[Floats, Names]:
         """Coordinates of the triangles' corners (t, 3, 2), v up, NaN without any; materials."""
-
-
-class TexturedDocument(InPlaceDocument, Protocol):
-    """A file whose materials name images, which can be replaced."""
-
-    def read_maps(self) -> tuple[list[MapGroup], list[str]]:
-        """Groups of images that triangles show, and sentences on those that cannot be read."""
-
-    def save_maps(
-        self, path: Path, positions: Floats, moved: Bools, images: Mapping[Any, bytes]
-    ) -> list[str]:
-        """Write the file with other positions and images (PNG, by their keys); returns notes."""
 
 
 def stored(values: Floats, kind: np.dtype[Any]) -> npt.NDArray[Any]:

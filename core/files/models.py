@@ -19,10 +19,10 @@ from ..repair.picture import Painted, side_by_side
 from ..repair.repairing import repair_textures
 from ..repair.shape import repair_shape
 from ..settings import ModelSettings, RepairSettings, describe
-from .document import Floats, TexturedDocument
+from .document import Floats
 from .formats.image.image_file import ImageFile
 from .formats.mesh.gltf import GltfFile
-from .formats.mesh.maps import COLOR, NORMALS, MapGroup, MapImage
+from .formats.mesh.maps import COLOR, NORMALS, MapGroup, MapImage, TexturedDocument
 from .formats.mesh.obj import ObjFile
 from .image_formats import FORMATS, Pixels, check_format, read_pixels
 from .images import write_image_file

@@ -84,9 +84,7 @@ def filter_texture_file(
             return function(surface.mesh, surface.uv, given, **words, atlas=atlas)[::-1]
 
     alone = replace(options, mask=None, guide=None, gain_map=None, others=())
-    outcome = filter_image_file(
-        on_surface, source, target, alone, times=times, upright=False
-    )
+    outcome = filter_image_file(on_surface, source, target, alone, times=times, upright=False)
     return replace(outcome, notes=(*notes, *outcome.notes))
 
 

@@ -108,9 +108,7 @@ def tiles_of(
         parts = mosaic.enlarged(times).cut(new)
         return {n: recolored_larger(old[n], part, levels, times) for n, part in parts.items()}
     shown = {} if result.shown is None else mosaic.cut(result.shown)
-    return {
-        n: recolored(old[n], part, levels, shown.get(n)) for n, part in mosaic.cut(new).items()
-    }
+    return {n: recolored(old[n], part, levels, shown.get(n)) for n, part in mosaic.cut(new).items()}
 
 
 def analyse(

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -241,7 +241,8 @@ def _missing(
         return np.zeros(image.shape[:2])
     limit = None
     if within is not None:
-        limit = resized(within.astype(np.float32)[..., None], image.shape[:2])[..., 0] > 0.5
+        height, width = image.shape[:2]
+        limit = resized(within.astype(np.float32)[..., None], (height, width))[..., 0] > 0.5
     how = FillSettings(find=settings.fill)
     alpha = _alpha_of(image, settings)
     pixels = image.reshape(*image.shape[:2], -1)
@@ -277,9 +278,7 @@ def _filled(
     inside = surface.atlas.inside
     share = np.count_nonzero(missing[inside]) / max(np.count_nonzero(inside), 1)
     tell("{share:.1%} of the texels were missing, and were filled.", share=share)
-    how = FillSettings(
-        gutter=settings.gutter, alpha=settings.alpha, content=settings.content
-    )
+    how = FillSettings(gutter=settings.gutter, alpha=settings.alpha, content=settings.content)
     return fill_texture(
         surface.mesh,
         surface.uv,
@@ -342,7 +341,7 @@ def _stored(values: npt.NDArray[np.float32], like: npt.NDArray) -> npt.NDArray:
     return values.reshape(like.shape).astype(like.dtype)
 
 
-def _common(settings: RepairSettings) -> dict[str, object]:
+def _common(settings: RepairSettings) -> dict[str, Any]:
     names = ("gutter", "background", "seams")
     return {name: getattr(settings, name) for name in names}
 

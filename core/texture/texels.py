@@ -31,6 +31,7 @@ from ..settings import (
     EnlargeSettings,
     FillSettings,
     FilterSettings,
+    RepairSettings,
     StitchSettings,
     TextureSettings,
 )
@@ -40,6 +41,7 @@ _WithContent = (
     | EnlargeSettings
     | FillSettings
     | FilterSettings
+    | RepairSettings
     | StitchSettings
     | TextureSettings
 )

@@ -54,10 +54,26 @@ def test_types_stay_and_wrong_factors_are_refused():
     blocks = Blocks(waves(32))
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
     image = np.uint8(255 * blocks.texture())
-    assert core.enlarge_texture(mesh, blocks.uv, image[..., 0], core.EnlargeSettings(factor=3)).dtype == np.uint8
+    assert (
+        core.enlarge_texture(mesh, blocks.uv, image[..., 0], core.EnlargeSettings(factor=3)).dtype
+        == np.uint8
+    )
     inside = core.TextureAtlas(mesh, blocks.uv, size=image.shape[:2]).inside
     same = core.enlarge_texture(mesh, blocks.uv, image, core.EnlargeSettings(factor=1))
     assert (same[inside] == image[inside]).all()
     for factor in (0, 9, 1.5):
         with pytest.raises(core.InvalidSettings):
             core.enlarge_texture(mesh, blocks.uv, image, core.EnlargeSettings(factor=factor))
+
+
+def test_normals_keep_unit_length():
+    blocks = Blocks(waves(48), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    normals = blocks.texture() - 0.5
+    normals[..., 2] = 0.6
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    settings = core.EnlargeSettings(content="normals")
+    found = core.enlarge_texture(mesh, blocks.uv, 0.5 + 0.5 * normals, settings)
+    inside = core.TextureAtlas(mesh, blocks.uv, size=found.shape[:2]).inside
+    lengths = np.linalg.norm(2 * found - 1, axis=2)[inside]
+    assert np.abs(lengths - 1).max() < 1e-4

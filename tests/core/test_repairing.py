@@ -77,9 +77,7 @@ def test_maps_of_other_sizes_and_normals_are_enlarged_together(model):
     flat = np.zeros((24, 24, 3), dtype=np.uint8)
     flat[:] = 128, 128, 255
     settings = core.RepairSettings(enlarge=2)
-    found = core.repair_textures(
-        mesh, uv, [image, flat], settings, contents=["values", "normals"]
-    )
+    found = core.repair_textures(mesh, uv, [image, flat], settings, contents=["values", "normals"])
     assert [len(each) for each in found] == [2 * len(image), 48]
     assert (np.abs(found[1].astype(int) - (128, 128, 255)) <= 1).all()
 

@@ -19,7 +19,6 @@ from ...document import (
     Floats,
     Ints,
     Names,
-    TexturedDocument,
     from_unit,
     is_invertible,
     joined,
@@ -45,7 +44,7 @@ from .gltf_tree import (
     triangles_of,
     values_of,
 )
-from .maps import MapGroup, grouped
+from .maps import MapGroup, TexturedDocument, grouped
 
 _MORPHS = "morph targets were left as they were: only the shape without them changed"
 

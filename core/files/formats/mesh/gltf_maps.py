@@ -64,9 +64,7 @@ def replace_image(tree: Tree, buffers: list[bytearray], number: int, data: bytes
         image["uri"] = f"{INSIDE}image/png;base64,{base64.b64encode(data).decode()}"
         return
     view = tree["bufferViews"][image["bufferView"]]
-    shared = [
-        each for each in tree["images"] if each.get("bufferView") == image["bufferView"]
-    ]
+    shared = [each for each in tree["images"] if each.get("bufferView") == image["bufferView"]]
     if len(shared) > 1 or "extensions" in view:
         raise ShockError("Two images share their data; export the model again.")
     _replace_view(tree, buffers, image["bufferView"], data)
@@ -117,9 +115,7 @@ def _textures_of(material: Tree) -> Iterator[tuple[str, Any]]:
                 yield part, place[key]
 
 
-def _image(
-    path: Path, tree: Tree, buffers: list[bytearray], part: str, texture: Any
-) -> MapImage:
+def _image(path: Path, tree: Tree, buffers: list[bytearray], part: str, texture: Any) -> MapImage:
     if texture.get("texCoord", 0) != 0:
         raise _Unreadable("it is shown by other texture coordinates than the first ones")
     if _TRANSFORM in texture.get("extensions", {}):

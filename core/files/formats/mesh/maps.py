@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from typing import NamedTuple
+from collections.abc import Hashable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
 
-from ...document import Bools
+from ...document import Bools, Floats, InPlaceDocument
 
 COLOR = "color"
 """The part of the map that leads: what is missing of it, others may lack, too."""
@@ -52,6 +53,18 @@ class MapGroup(NamedTuple):
 
     images: list[MapImage]
     faces: Bools
+
+
+class TexturedDocument(InPlaceDocument, Protocol):
+    """A file whose materials name images, which can be replaced."""
+
+    def read_maps(self) -> tuple[list[MapGroup], list[str]]:
+        """Groups of images that triangles show, and sentences on those that cannot be read."""
+
+    def save_maps(
+        self, path: Path, positions: Floats, moved: Bools, images: Mapping[Any, bytes]
+    ) -> list[str]:
+        """Write the file with other positions and images (PNG, by their keys); returns notes."""
 
 
 def grouped(uses: Sequence[tuple[Bools, list[MapImage]]]) -> list[MapGroup]:

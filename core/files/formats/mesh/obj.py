@@ -18,13 +18,12 @@ from ...document import (
     Floats,
     Ints,
     Names,
-    TexturedDocument,
     decimal,
     renewed_normals,
 )
 from ...side_files import are_beside, copy_beside, find, is_absolute, located
 from ...staging import within
-from .maps import COLOR, NORMALS, MapGroup, MapImage, grouped
+from .maps import COLOR, NORMALS, MapGroup, MapImage, TexturedDocument, grouped
 
 _LARGEST_LIBRARY = 1 << 26  # bytes of a material file, which holds no images
 _LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
