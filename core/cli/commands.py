@@ -65,7 +65,7 @@ class Backend(Protocol):
     """The parts that differ between Blender and plain Python."""
 
     prog: str
-    commands: tuple[Command, ...]
+    offered: tuple[Command, ...]
 
     def formats(self, command: Command) -> str:
         """Name the files that a command reads and writes."""

@@ -42,7 +42,7 @@ class FileBackend:
     """Files outside Blender."""
 
     prog = "shock-filter"
-    commands = (*COMMANDS, REPAIR_MODEL)
+    offered = (*COMMANDS, REPAIR_MODEL)
 
     def formats(self, command: Command) -> str:
         """Name the files that a command reads and writes."""

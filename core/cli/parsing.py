@@ -45,7 +45,7 @@ def build_parser(backend: Backend) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"Shock Filter {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for row in backend.commands:
+    for row in backend.offered:
         _add_command(commands, row, backend)
     return parser
 

@@ -65,6 +65,6 @@ def filter_here(
 ) -> Result:
     """Filter one file in a worker."""
     prepare(version)
-    (command,) = (row for row in FileBackend.commands if row.command == flags["command"])
+    (command,) = (row for row in FileBackend.offered if row.command == flags["command"])
     job = Job(backend, settings, argparse.Namespace(**{**flags, "command": command}))
     return filter_file(job, source, target, lambda *_: run not in _stopped, lambda: run in _stopped)

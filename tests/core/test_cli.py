@@ -36,7 +36,7 @@ class Recorder:
     """A backend that copies files and remembers what it was asked."""
 
     prog = "shock-filter"
-    commands = cli.COMMANDS
+    offered = cli.COMMANDS
 
     def __init__(self):
         self.calls = []

@@ -188,7 +188,7 @@ WORDS = {
 
 def test_each_command_runs_on_workers_and_writes_the_same(address, folder):
     """In the order of the table; a new command needs its words above."""
-    assert list(WORDS) == [row.command for row in cli.FileBackend.commands]
+    assert list(WORDS) == [row.command for row in cli.FileBackend.offered]
     draw("a", "b", folder=".")
     Path("mesh.obj").write_text(MESH)
     Path("model.obj").write_text("mtllib m.mtl\nusemtl m\n" + MESH)

@@ -296,7 +296,7 @@ class Recorder:
     """A backend that remembers what it was asked."""
 
     prog = "shock-filter"
-    commands = cli.COMMANDS
+    offered = cli.COMMANDS
 
     def __init__(self):
         self.asked = []
