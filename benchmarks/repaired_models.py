@@ -20,7 +20,7 @@ from texture_models import BALL, FILES, Model, load_model
 
 Pixels = np.ndarray
 
-SIZE = 512
+SIZE = 256
 STEPS = {
     "blocks": {"blocks": 1.0},
     "noise": {"denoise": 1.0},

@@ -117,13 +117,14 @@ def unseen_texels(
     """
     colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
     white = 1.0 / SCALES[pixels.dtype.name]
+    truly = (colors <= _BLACK * white).all(axis=2)
     share, most, left = 1.0, _STRAY, 0.0
     if was_compressed:  # color runs farther than brightness
         means = colors.mean(axis=2, dtype=np.float32)
-        black, truly = means <= _RUN_IN * white, means <= _BLACK * white
+        black = means <= _RUN_IN * white
         share, most, left = _LEFT, _STRAY_THERE, _LEFT
     else:
-        black = truly = (colors <= _BLACK * white).all(axis=2)
+        black = truly
     masks = atlas.masks()
     face = masks.face
     shown = face >= 0
