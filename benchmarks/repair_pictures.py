@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from repaired_models import faults
+from repaired_models import blurred, holes, noisy, stepped
 from shock_filter import core
 from shock_filter.core.repair.picture import Painted, side_by_side
 from texture_models import load_model
@@ -21,20 +21,22 @@ from texture_models import load_model
 Pixels = np.ndarray
 
 SIZE = 512
+
 SHARE = 0.25
 """Of the picture, over which a cross-fade mixes."""
 
 
 def spoiled_and_repaired(data: Path) -> Pixels:
-    """Draw Spot with all faults, and repaired."""
+    """Draw Spot with many faults, and repaired."""
     model = load_model(data, "spot", SIZE)
     mesh = model.mesh()
     atlas = core.TextureAtlas(mesh, model.uv, size=(SIZE, SIZE))
-    spoiled = faults(model, atlas)["all"](model.image)
+    spoiled = holes(model, atlas, stepped(atlas, noisy(blurred(model.image))))
     settings = core.RepairSettings(stitch="everywhere")
     repaired = core.repair_texture(mesh, model.uv, spoiled, settings, atlas=atlas)
     corners = model.vertices[model.faces]
-    return side_by_side([[Painted(corners, model.uv, each)] for each in (spoiled, repaired)])
+    shown = [[Painted(corners, model.uv, each)] for each in (spoiled, repaired)]
+    return side_by_side(shown, 400)
 
 
 def cross_faded(image: Pixels) -> Pixels:
@@ -71,7 +73,8 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     for name, draw in (("spot", spoiled_and_repaired), ("tiling", tilings)):
-        Image.fromarray(draw(options.data)).save(options.out / f"{name}.png", optimize=True)
+        picture = Image.fromarray(draw(options.data)).quantize(96)  # a third of the bytes
+        picture.save(options.out / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":

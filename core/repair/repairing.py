@@ -250,6 +250,8 @@ def _missing(
     found = missing_texels(surface.atlas, pixels, alpha, None, how) * inside
     if settings.fill != "opacity" and not found.any() and (clean != image).any():
         found = unseen_texels(surface.atlas, pixels, alpha, was_compressed=True) * inside * 1.0
+    if found[inside].all():  # black is meant, or nobody knows better
+        return np.zeros(image.shape[:2])
     return found if limit is None else found * limit
 
 

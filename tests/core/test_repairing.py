@@ -88,6 +88,12 @@ def test_contents_must_be_as_many_as_images(model):
         core.repair_textures(mesh, uv, [image], contents=["values", "normals"])
 
 
+def test_what_is_black_all_over_is_meant(model):
+    mesh, uv, image, atlas = model
+    black = np.zeros(image.shape[:2], dtype=np.uint8)
+    assert (core.repair_texture(mesh, uv, black, atlas=atlas) == 0).all()
+
+
 def test_a_run_can_be_cancelled(model):
     mesh, uv, image, _ = model
     with pytest.raises(core.Cancelled):
