@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spoil textured models, repair them, and measure what each step brings.
 
-``python benchmarks/repaired_models.py --data FOLDER --write docs/repair-benchmarks.md``. Decibels
-of the texels inside charts against what the texture was; the steps are switched on one after the
-other.
+``python benchmarks/repaired_models.py --data FOLDER --models ball spot --write
+docs/repair-benchmarks.md``. Decibels of the texels inside charts against what the texture was; the
+steps are switched on one after the other.
 """
 
 from __future__ import annotations
@@ -82,10 +82,10 @@ def faults(model: Model, atlas: core.TextureAtlas) -> dict[str, Callable[[Pixels
     return {"nothing": lambda image: image, **single, "all": everything}
 
 
-def repairs(data: Path) -> str:
+def repairs(data: Path, names: list[str]) -> str:
     """Tell what each step brings."""
     rows, least = [], np.inf
-    for name in (BALL, *FILES):
+    for name in names:
         model = load_model(data, name, SIZE)
         mesh = model.mesh()
         atlas = core.TextureAtlas(mesh, model.uv, size=(SIZE, SIZE))
@@ -115,9 +115,10 @@ def main() -> None:
     """Print the table, or write it into a page."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--models", nargs="+", choices=[BALL, *FILES], default=[BALL, *FILES])
     parser.add_argument("--write", type=Path, help="Markdown page to write the table into")
     options = parser.parse_args()
-    text = repairs(options.data)
+    text = repairs(options.data, options.models)
     print(text, flush=True)
     Page(options.write).write("repairs", text)
 
