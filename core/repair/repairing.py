@@ -176,6 +176,10 @@ def repair_textures(
     >>> [each.shape for each in found]
     [(32, 32, 3), (16, 16)]
     """
+    if not isinstance(images, list | tuple | np.ndarray) or not len(images):
+        raise InvalidSignal("There are no images; give a list of arrays.")
+    if not isinstance(contents, list | tuple):
+        raise InvalidSignal(f"contents is {contents!r:.60}; give a list of words.")
     given = [checked_image(each, LARGEST) for each in images]
     settings = given_or_default(settings, RepairSettings)
     kinds = list(contents) or ["values"] * len(given)

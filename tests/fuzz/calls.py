@@ -159,8 +159,7 @@ CALLS = {
         core.RepairSettings,
     ),
     "repair_textures": Call(
-        {**_TEXTURE, "images": [IMAGE, GRAY], "contents": ["values", "values"],
-         "normals": NORMALS},
+        {**_TEXTURE, "images": [IMAGE, IMAGE], "normals": NORMALS},
         core.RepairSettings,
     ),
     "sharpen_corner_signal": Call(
