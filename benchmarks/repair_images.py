@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure enlarged textures, tileable pictures and removed blocks.
+"""Measure tileable pictures and removed blocks.
 
 ``python benchmarks/repair_images.py --data FOLDER --write docs/repair-benchmarks.md``. Blocks are
 compared with OpenCV's bilateral filter and its denoising by non-local means, each at the best of
@@ -16,10 +16,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 from report import Page, table
-from scipy.ndimage import map_coordinates
 from shock_filter import core
 from shock_filter.core.repair.blocks import compression_of
-from texture_models import Model, load_model
 
 Pixels = np.ndarray
 
@@ -116,64 +114,6 @@ def tiling(data: Path) -> str:
     return table(head, rows) + f"\n\n1024 x 1024 pixels in {min(times):.2f} s."
 
 
-def seam_jump(model: Model, mesh: core.TriangleMesh, image: Pixels) -> float:
-    """Mean difference of what both sides of seams show, of 255."""
-    twins, corners = mesh.twins.reshape(-1), mesh.own_corners(model.uv)
-    edges = np.flatnonzero(twins > np.arange(len(twins)))
-    (face, k), (other, m) = np.divmod(edges, 3), np.divmod(twins[edges], 3)
-    one = corners[face, k], corners[face, (k + 1) % 3]
-    two = corners[other, (m + 1) % 3], corners[other, m]
-    apart = (np.abs(one[0] - two[0]) + np.abs(one[1] - two[1])).max(axis=1) > 1e-6
-    height, width = image.shape[:2]
-    off = []
-    for share in (0.25, 0.5, 0.75):
-        sides = [(1 - share) * a[apart] + share * b[apart] for a, b in (one, two)]
-        shown = [
-            np.stack(
-                [
-                    map_coordinates(
-                        image[..., c].astype(float),
-                        [side[:, 1] * height - 0.5, side[:, 0] * width - 0.5],
-                        order=1,
-                        mode="grid-wrap",
-                    )
-                    for c in range(3)
-                ]
-            )
-            for side in sides
-        ]
-        off.append(np.abs(shown[0] - shown[1]).max(axis=0))
-    return float(np.mean(off))
-
-
-def enlarging(data: Path) -> str:
-    """Compare textures that were reduced and enlarged with what they were."""
-    rows = []
-    for name in ("spot", "blub", "WaterBottle", "DamagedHelmet"):
-        model = load_model(data, name, 512)
-        mesh, image = model.mesh(), model.image
-        inside = core.TextureAtlas(mesh, model.uv, size=image.shape[:2]).inside
-        means = image.reshape(256, 2, 256, 2, 3).mean(axis=(1, 3))
-        small = np.rint(means).astype(np.uint8)
-        lanczos = np.asarray(Image.fromarray(image).resize((256, 256), Image.Resampling.LANCZOS))
-        for how, given in (("means", small), ("Lanczos", lanczos)):
-            picture = Image.fromarray(given)
-            results = [
-                np.asarray(picture.resize((512, 512), Image.Resampling.BICUBIC)),
-                np.asarray(picture.resize((512, 512), Image.Resampling.LANCZOS)),
-                core.sharpen_image(given, core.ImageSettings(enlarge=2)),
-                core.enlarge_texture(mesh, model.uv, given, factor=2),
-            ]
-            quality = [f"{decibels(each[inside], image[inside]):.2f}" for each in results]
-            steps = [f"{seam_jump(model, mesh, x):.2f}" for x in (given, *results[2:])]
-            rows.append([name, how, *quality, *steps])
-    head = [
-        "", "reduced by", "bicubic", "Lanczos", "image alone", "on the surface",
-        "jump before", "image alone", "on the surface",
-    ]  # fmt: skip
-    return table(head, rows, 2)
-
-
 def main() -> None:
     """Print the tables, or write them into a page."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -181,7 +121,7 @@ def main() -> None:
     parser.add_argument("--write", type=Path, help="Markdown page to write the tables into")
     options = parser.parse_args()
     page = Page(options.write)
-    for title, measure in (("enlarging", enlarging), ("tiling", tiling), ("blocks", blocks)):
+    for title, measure in (("tiling", tiling), ("blocks", blocks)):
         text = measure(options.data)
         print(text, flush=True)
         page.write(title, text)

@@ -98,6 +98,10 @@ from .repair.filling import (
     fill_texture,
     find_missing,
 )
+from .repair.repairing import (
+    repair_texture,
+    repair_textures,
+)
 from .repair.tiling import (
     make_tileable,
 )
@@ -113,6 +117,7 @@ from .settings import (
     DilateSettings,
     DistanceSettings,
     DyeSettings,
+    EnlargeSettings,
     FillSettings,
     FilterSettings,
     FitSettings,
@@ -121,6 +126,7 @@ from .settings import (
     NoiseSettings,
     OcclusionSettings,
     ReactionSettings,
+    RepairSettings,
     ShockSettings,
     StitchSettings,
     StreakSettings,
@@ -195,6 +201,7 @@ __all__ = [
     "DistanceSettings",
     "DyeSettings",
     "DyeSource",
+    "EnlargeSettings",
     "FillSettings",
     "FilterSettings",
     "FitSettings",
@@ -208,6 +215,7 @@ __all__ = [
     "NoiseSettings",
     "OcclusionSettings",
     "ReactionSettings",
+    "RepairSettings",
     "ShockError",
     "ShockSettings",
     "SolverError",
@@ -260,6 +268,8 @@ __all__ = [
     "principal_directions",
     "reaction_diffusion",
     "remove_blocks",
+    "repair_texture",
+    "repair_textures",
     "sharpen_corner_signal",
     "sharpen_geometry",
     "sharpen_image",

@@ -319,6 +319,18 @@ def _fill_texture() -> Any:
     return fill_texture
 
 
+def _enlarge_texture() -> Any:
+    from .repair.enlarging import enlarge_texture
+
+    return enlarge_texture
+
+
+def _repair_texture() -> Any:
+    from .repair.repairing import repair_texture
+
+    return repair_texture
+
+
 def _make_tileable() -> Any:
     from .repair.tiling import make_tileable
 
@@ -526,6 +538,29 @@ FILTERS: tuple[Filter, ...] = (
         takes_normals=True,
     ),
     Filter(
+        "enlarge_texture",
+        "repair.enlarging",
+        _settings.EnlargeSettings,
+        TEXTURE,
+        "enlarge-texture",
+        "enlarge textures; charts see across their seams what the surface has there",
+        _enlarge_texture,
+        takes_mask=False,
+    ),
+    Filter(
+        "repair_texture",
+        "repair.repairing",
+        _settings.RepairSettings,
+        TEXTURE,
+        "repair-texture",
+        "repair textures of generated and photographed models: blocks, noise, holes, seams, blur",
+        _repair_texture,
+        is_slow=True,
+        needs_levels=True,
+        mask_as="missing",
+        takes_normals=True,
+    ),
+    Filter(
         "make_tileable",
         "repair.tiling",
         _settings.TileSettings,
@@ -685,8 +720,8 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "shape.fit": ("fit_to_normals",),
     "shape.low_poly": ("LowPoly", "crisp_low_poly"),
     "shape.sharpening": ("geometry_flow", "sharpen_normals"),
-    "repair.enlarging": ("enlarge_texture",),
     "repair.filling": ("find_missing",),
+    "repair.repairing": ("repair_textures",),
     "texture.gradient_domain": ("TextureSolver",),
     "texture.normal_maps": ("object_normals", "tangent_normals"),
     "color.osher_rudin": ("osher_rudin_image",),

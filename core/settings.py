@@ -649,6 +649,98 @@ class FillSettings(DilateSettings):
 
 
 @_fields
+class EnlargeSettings(DilateSettings):
+    """Settings of :func:`shock_filter.core.enlarge_texture`."""
+
+    factor: int = _setting(
+        2,
+        "How many times higher and wider the texture becomes. 1 only fills the gutter; 2, 3, 4, 6"
+        " and 8 are as was learned from made pictures",
+        unit="times",
+        minimum=1,
+        maximum=8,
+        soft_maximum=4,
+        role="enlargement",
+    )
+    alpha: str = _alpha()
+    content: str = _content()
+
+
+@_fields
+class RepairSettings(DilateSettings):
+    """Settings of :func:`shock_filter.core.repair_texture`."""
+
+    enlarge: int = _setting(
+        1,
+        "How many times higher and wider the texture becomes. 1 keeps the size",
+        unit="times",
+        minimum=1,
+        maximum=8,
+        soft_maximum=4,
+        role="enlargement",
+    )
+    sharpen: float = _setting(
+        1.0,
+        "How much blurred borders are sharpened. 0 leaves them",
+        unit="of the change",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+    denoise: float = _setting(
+        1.0,
+        "How much of the noise that is found goes. 0 leaves it",
+        unit="of the change",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+    blocks: float = _setting(
+        1.0,
+        "How much is smoothed where JPEG compression left blocks, as a factor of what it took"
+        " away. 0 leaves them",
+        unit="times",
+        maximum=4.0,
+        soft_maximum=2.0,
+    )
+    fill: str = _setting(
+        "auto",
+        "What is filled from around it on the surface",
+        choices={
+            "auto": "Transparent texels; without these, faces that are black all over",
+            "opacity": "Transparent texels",
+            "unseen": "Faces that are black all over, as where no photo saw the surface",
+            "nothing": "Nothing",
+        },
+    )
+    stitch: str = _setting(
+        "seams",
+        "Which texels change so that both sides of each seam meet",
+        choices={
+            "everywhere": "All, so that charts of other brightness or color become alike",
+            "seams": "Those at seams alone",
+            "nothing": "None",
+        },
+    )
+    alpha: str = _alpha()
+    content: str = _content()
+
+
+@_fields
+class ModelSettings(RepairSettings):
+    """Settings of ``shock-filter repair-model``."""
+
+    geometry: str = _setting(
+        "keep",
+        "What becomes of the shape",
+        choices={
+            "keep": "It stays",
+            "denoise": "Noise goes; creases stay",
+            "creases": "Rounded creases become sharp",
+            "both": "First one, then the other",
+        },
+    )
+
+
+@_fields
 class TileSettings(_Settings):
     """Settings of :func:`shock_filter.core.make_tileable`."""
 

@@ -282,8 +282,10 @@ class Mode(Row):
 
     @property
     def has_preview(self) -> bool:
-        """Whether it has a preview; films do not, nor what is beside the charts only."""
-        return self.data.handled_as != "films" and not self.targets[0].row.fills_gutter
+        """Whether it has a preview; films do not, nor larger textures, nor mere gutters."""
+        row = self.targets[0].row
+        is_larger = row.kind.on_mesh and named(row.settings, "enlargement") != ""
+        return self.data.handled_as != "films" and not row.fills_gutter and not is_larger
 
     @property
     def follows(self) -> type | None:
@@ -664,6 +666,54 @@ MODES: list[Mode] = [
                 {"surface": "thin_plate"},
             ),
         ),
+    ),
+    Mode(
+        "repair",
+        "Repair",
+        "Repair the texture of a generated or photographed model: blocks, noise, unseen faces,"
+        " seams, blur",
+        "repair_texture",
+        "Remove blocks of compression and noise, fill what no photo saw, bring both sides of seams"
+        " together, and sharpen, each where there is something to do",
+        (
+            Target(
+                "repair_texture",
+                first=("enlarge", "sharpen", "denoise", "blocks", "fill", "stitch"),
+            ),
+        ),
+        "Repaired",
+        "repair",
+        announced="Will repair: {}",
+        advice="what is missing may be painted as a mask",
+        about_in_images="Repair it on the surface of the selected objects that show it",
+        icon="TOOL_SETTINGS",
+        presets=(
+            Preset(
+                "Twice as Large",
+                "For generated models: 1K becomes 2K, with crisp borders",
+                {"enlarge": 2},
+            ),
+            Preset(
+                "Even Out Charts",
+                "For photogrammetry whose charts differ in brightness",
+                {"stitch": "everywhere"},
+            ),
+        ),
+    ),
+    Mode(
+        "enlarge",
+        "Enlarge",
+        "Enlarge a texture, sharper than by stretching it; its charts see across their seams",
+        "enlarge_texture",
+        "Make a texture higher and wider, with crisp edges; its charts see across their seams what"
+        " the surface has there, so that seams do not show",
+        (Target("enlarge_texture", first=("factor",)),),
+        "Enlarged",
+        "repair",
+        announced="Will enlarge: {}",
+        about_in_images="Enlarge it on the surface of the selected objects that show it",
+        icon="FULLSCREEN_ENTER",
+        presets=(Preset("Four Times", "For textures of 1K that shall become 4K", {"factor": 4}),),
     ),
     Mode(
         "tile",

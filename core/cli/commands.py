@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..registry import FILTERS, MASK, Filter
-from ..settings import MaskSettings
+from ..registry import FILTERS, MASK, Filter, Kind
+from ..settings import MaskSettings, ModelSettings
 
 if TYPE_CHECKING:
     import argparse
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..files.output import Outcome
 
 Command = Filter
-"""The names of all commands, including `TEXTURE_MASK`."""
+"""A row of a command, also of those that are no filters."""
 
 
 def _texture_mask_file() -> Any:
@@ -36,12 +36,36 @@ TEXTURE_MASK = Command(
     takes_mask=False,
 )
 COMMANDS = (*FILTERS, TEXTURE_MASK)
+"""Those of all backends."""
+
+MODEL = Kind("model", "model files with textures")
+"""Meshes with the images that their materials show."""
+
+
+def _repair_model_file() -> Any:
+    from ..files.models import repair_model_file
+
+    return repair_model_file
+
+
+REPAIR_MODEL = Command(
+    "repair_model",
+    "files.models",
+    ModelSettings,
+    MODEL,
+    "repair-model",
+    "repair models as they come from generators and photogrammetry, with all their textures",
+    _repair_model_file,
+    takes_mask=False,
+)
+"""Only outside Blender, where models with their textures are files."""
 
 
 class Backend(Protocol):
     """The parts that differ between Blender and plain Python."""
 
     prog: str
+    offered: tuple[Command, ...]
 
     def formats(self, command: Command) -> str:
         """Name the files that a command reads and writes."""

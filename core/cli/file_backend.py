@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import partial
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE, Kind
 from ..settings import named, value_of
 from . import flows
-from .commands import Command
+from .commands import COMMANDS, MODEL, REPAIR_MODEL, Command
 from .inputs import FileName
 from .parsing import add_gain_map, add_mask, add_others, add_sources, sources_of
 
@@ -30,6 +31,8 @@ _FORMATS = {
     FIELD: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold floats, PNG 16 bits",
     FLOW: "from flow maps (PNG, JPEG, TIFF, EXR, BMP, WebP), NumPy (.npy, .npz), NetCDF and Zarr"
     " files, and PLY files with texture coordinates and vectors at their vertices",
+    MODEL: "GLB, glTF and OBJ files with PNG, JPEG, WebP, TIFF or BMP textures; what is repaired is"
+    " stored as PNG",
     MASK: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold numbers, -1 for none, all others"
     " a picture",
 }
@@ -39,6 +42,7 @@ class FileBackend:
     """Files outside Blender."""
 
     prog = "shock-filter"
+    offered = (*COMMANDS, REPAIR_MODEL)
 
     def formats(self, command: Command) -> str:
         """Name the files that a command reads and writes."""
@@ -75,6 +79,14 @@ class FileBackend:
                 "--material",
                 metavar="NAME",
                 help="only the faces with this material show the texture; all do if left out",
+            )
+        if command.kind is MODEL:
+            parser.add_argument(
+                "--picture",
+                type=os.path.abspath,
+                metavar="FILE",
+                help="also draw the model before and after; of several inputs, each gets its name"
+                " in front of this one",
             )
         if command.takes_mask:
             of_meshes = (
@@ -121,6 +133,9 @@ class FileBackend:
         asked = Options(progress=progress, **{name: given[name] for name in names})
         if command.takes_gain:
             asked = replace(asked, gain=value_of(settings, "gain"))
+        if command.kind is MODEL:
+            picture = options.picture and _beside(options.picture, source, len(options.inputs))
+            return command.load()(source, target, settings, asked, picture=picture)
         if command.kind is MASK:
             size = options.size or options.like
             return command.load()(source, target, settings.kind, size, asked)
@@ -141,6 +156,12 @@ class FileBackend:
         if command.takes_known and options.like:
             filtering = partial(filtering, known=_measured(options.like, settings, asked))
         return _pipeline(command.kind)(filtering, *files, asked, **words)
+
+
+def _beside(picture: str, source: str, count: int) -> Path:
+    # One picture for each input.
+    path = Path(picture)
+    return path if count == 1 else path.with_name(f"{Path(source).stem} {path.name}")
 
 
 def _measured(path: str, settings: Any, asked: Any) -> Any:

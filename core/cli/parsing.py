@@ -12,7 +12,7 @@ from ... import __version__
 from ..registry import WAYS, find
 from ..settings import Setting, describe, removed_of
 from . import flows
-from .commands import COMMANDS, Backend, Command
+from .commands import Backend, Command
 from .inputs import FileName, UsageError, read_size
 
 _EPILOG = """\
@@ -45,7 +45,7 @@ def build_parser(backend: Backend) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"Shock Filter {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for row in COMMANDS:
+    for row in backend.offered:
         _add_command(commands, row, backend)
     return parser
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from ... import __version__
 from ..errors import ShockError
-from .commands import COMMANDS
+from .file_backend import FileBackend
 from .running import Job, Result, filter_file
 
 
@@ -65,6 +65,6 @@ def filter_here(
 ) -> Result:
     """Filter one file in a worker."""
     prepare(version)
-    (command,) = (row for row in COMMANDS if row.command == flags["command"])
+    (command,) = (row for row in FileBackend.offered if row.command == flags["command"])
     job = Job(backend, settings, argparse.Namespace(**{**flags, "command": command}))
     return filter_file(job, source, target, lambda *_: run not in _stopped, lambda: run in _stopped)

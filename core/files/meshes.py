@@ -76,12 +76,12 @@ def filter_mesh_file(
     document = read_document(source, reader or SceneFile, options.any_size)
     weights = _read_mask(source, options)
     with reporting(options.progress):
-        result = _filtered(document, weld(document.vertices), function, weights)
+        result = filtered(document, weld(document.vertices), function, weights)
     positions = np.where(result == document.vertices, document.vertices, result)  # 0.0 may be -0.0
     moved = (positions != document.vertices).any(axis=1)
     with staged(target, options.overwrite, document.own_files(target)) as path:
         notes = document.save(path, positions, moved)
-        _read_back(document, path, positions)
+        read_back(document, path, positions)
     return Outcome(len(positions), int(moved.sum()), tuple(notes))
 
 
@@ -139,11 +139,11 @@ def filter_colors_file(
         )
     weights = _read_mask(source, options)
     with reporting(options.progress):
-        result = _filtered(document, _weld_colors(document, colors), function, weights, colors)
+        result = filtered(document, _weld_colors(document, colors), function, weights, colors)
     result = np.where(abs(result - colors) < _ROUNDING, colors, result)
     with staged(target, options.overwrite, document.own_files(target)) as path:
         changed, notes = document.save_colors(path, result)
-        _read_back(document, path, document.vertices)
+        read_back(document, path, document.vertices)
     done = "changed the color of {changed} of {total} vertices"
     return Outcome(len(colors), changed, tuple(notes), done)
 
@@ -168,7 +168,7 @@ def read_document(
     return document
 
 
-def _read_back(document: Document, path: Path, positions: Floats) -> None:
+def read_back(document: Document, path: Path, positions: Floats) -> None:
     """Check that a file that was just written holds these positions."""
     with reading_back(path):
         found = document.read_back(path)
@@ -187,7 +187,7 @@ def _weld_colors(document: Document, colors: Floats) -> tuple[Ints, Ints]:
     return weld(np.column_stack([places, kinds, np.zeros(len(kinds))]))
 
 
-def _filtered(
+def filtered(
     document: Document,
     welded: tuple[Ints, Ints],
     function: Callable[..., Floats],

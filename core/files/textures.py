@@ -43,6 +43,8 @@ def filter_texture_file(
     source: str | Path,
     target: str | Path,
     options: Options = DEFAULTS,
+    *,
+    times: int = 1,
 ) -> Outcome:
     """Filter the texture of a mesh, on its surface, and write it to another image file.
 
@@ -55,7 +57,7 @@ def filter_texture_file(
     mesh : path
         OBJ, PLY, GLB or glTF file with texture coordinates. Vertices that were split along seams
         are joined; see `core.weld_borders`.
-    source, target, options
+    source, target, options, times
         As in :func:`shock_filter.core.files.images.filter_image_file`.
 
     Returns
@@ -82,7 +84,7 @@ def filter_texture_file(
             return function(surface.mesh, surface.uv, given, **words, atlas=atlas)[::-1]
 
     alone = replace(options, mask=None, guide=None, gain_map=None, others=())
-    outcome = filter_image_file(on_surface, source, target, alone, upright=False)
+    outcome = filter_image_file(on_surface, source, target, alone, times=times, upright=False)
     return replace(outcome, notes=(*notes, *outcome.notes))
 
 

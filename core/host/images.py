@@ -117,10 +117,15 @@ def filter_pixels(
     new = filter_channels(image, function, value_of(kernel, "opacity", "auto"), times)
     if times == 1:
         return recolored(image.pixels, new, image.levels, shown)
-    large = enlarged(image.pixels, times)
-    if image.levels:
-        large = np.rint(large * image.levels) / np.float32(image.levels)
-    return replace(recolored(large, new, image.levels), changed=new[..., 0].size)
+    return recolored_larger(image.pixels, new, image.levels, times)
+
+
+def recolored_larger(old: Pixels, new: Pixels, levels: int, times: int) -> Recolored:
+    """Return `recolored` of an image that is so many times higher and wider; all of it is new."""
+    large = enlarged(old, times)
+    if levels:
+        large = np.rint(large * levels) / np.float32(levels)
+    return replace(recolored(large, new, levels), changed=new[..., 0].size)
 
 
 def with_opacity(settings: Any, alpha: str) -> Any:

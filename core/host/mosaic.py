@@ -66,6 +66,14 @@ class Mosaic:
             for number, (row, column, height, width) in self.places.items()
         }
 
+    def enlarged(self, times: int) -> Mosaic:
+        """Return the layout of tiles that are so many times higher and wider."""
+        places = {
+            number: (times * row, times * column, times * height, times * width)
+            for number, (row, column, height, width) in self.places.items()
+        }
+        return Mosaic(places, times * self.height, times * self.width, times * self.margin)
+
     def place(self, uv: npt.NDArray[np.float64]) -> tuple[npt.NDArray, npt.NDArray[np.bool_]]:
         """Convert texture coordinates in tiles to those in the whole image.
 

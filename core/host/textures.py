@@ -22,8 +22,9 @@ from ..mesh.weld import weld_borders
 from ..registry import Filter, find
 from ..settings import named, value_of
 from ..texture.painted_gain import gains_of
-from .images import divided, filter_channels, filter_pixels, with_opacity
+from .images import divided, filter_channels, filter_pixels, recolored_larger, with_opacity
 from .inputs import Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
+from .mosaic import Mosaic
 from .recolored import Recolored, recolored
 
 _ANALYSIS = 0.3  # of the time that a run takes
@@ -84,6 +85,30 @@ def filter_texture(
                     surface.picture, name, settings, *where, shown=shown, **words
                 )
     return Retextured(changed, shown, tuple(atlas.report.sentences()))
+
+
+def tiles_of(
+    mosaic: Mosaic, old: dict[int, Pixels], result: Retextured, levels: int
+) -> dict[int, Recolored]:
+    """Cut a result into UDIM tiles and compare each with what it was.
+
+    Parameters
+    ----------
+    mosaic : Mosaic
+        The layout that was filtered.
+    old : dict
+        The pixels of the tiles by their numbers.
+    result : Retextured
+    levels : int
+        As in `recolored`.
+    """
+    new = result.recolored.colors
+    times = len(new) // mosaic.height
+    if times > 1:
+        parts = mosaic.enlarged(times).cut(new)
+        return {n: recolored_larger(old[n], part, levels, times) for n, part in parts.items()}
+    shown = {} if result.shown is None else mosaic.cut(result.shown)
+    return {n: recolored(old[n], part, levels, shown.get(n)) for n, part in mosaic.cut(new).items()}
 
 
 def analyse(

@@ -7,18 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import LARGEST, by_keyword, checked_count, checked_image
+from ..base.checks import LARGEST, by_keyword, checked_image
 from ..base.progress import ProgressCallback, phase, reporting
 from ..color.image_sharpening import sharpen_image
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings, ImageSettings, given_or_default
-from ..texture.sharpening import dilate_texture
-from ..texture.texels import checked_atlas
+from ..settings import EnlargeSettings, ImageSettings, given_or_default
+from ..texture.texels import Texture, checked_atlas, checked_content, gathered, written
 
 _AROUND = 16
 """Texels around the charts that enlarging may read; it reaches less far."""
-
-_MOST = 8
 
 _SAMPLE = 1 << 15
 """Most texels far from charts that are looked at."""
@@ -29,9 +26,8 @@ def enlarge_texture(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
-    settings: DilateSettings | None = None,
+    settings: EnlargeSettings | None = None,
     *,
-    factor: int = 2,
     progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
@@ -43,26 +39,24 @@ def enlarge_texture(
     ----------
     mesh, uv, image, progress, atlas
         As in `sharpen_texture`.
-    settings : DilateSettings, optional
-        The gutter is in texels of the new size.
-    factor : int
-        From 1 to 8; 1 only fills the gutter.
+    settings : EnlargeSettings, optional
+        The gutter is in texels of the new size. A factor of 1 only fills the gutter.
 
     Returns
     -------
     (factor * h, factor * w) or (factor * h, factor * w, c) array
-        Of the type of the image.
+        Of the type of the image. Normals have unit length.
 
     Raises
     ------
     InvalidUV, InvalidSignal, InvalidSettings, Cancelled
-        As in `sharpen_texture`, and if the factor is no whole number from 1 to 8.
+        As in `sharpen_texture`.
 
     Notes
     -----
     The gutter is filled from across the seams, but for what is painted in texels that charts cover
-    in part; the picture is enlarged as `sharpen_image` does, and
-    the gutter is filled anew at the new size.
+    in part, and beside seams where different materials meet; the picture is enlarged as
+    `sharpen_image` does, and the gutter is filled anew at the new size.
 
     Examples
     --------
@@ -72,36 +66,60 @@ def enlarge_texture(
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = mesh.vertices[mesh.faces][..., :2]
     >>> ramp = np.tile(np.linspace(0.0, 1.0, 16, dtype=np.float32), (16, 1))
-    >>> core.enlarge_texture(mesh, uv, ramp, factor=3).shape
+    >>> core.enlarge_texture(mesh, uv, ramp, core.EnlargeSettings(factor=3)).shape
     (48, 48)
     """
     given = checked_image(image, LARGEST)
-    settings = given_or_default(settings, DilateSettings)
-    times = checked_count(factor, "factor", 1, _MOST)
+    settings = given_or_default(settings, EnlargeSettings)
+    times = settings.factor
     pixels = given.reshape(*given.shape[:2], -1)
-    around = DilateSettings(gutter=_AROUND, background="nearest", seams=settings.seams)
+    alpha, normals = checked_content(pixels, settings)
     with reporting(progress):
         with phase(0.0, 0.2, "Filling the gutter"):
-            atlas = checked_atlas(atlas, mesh, uv, pixels)
-            wide = dilate_texture(mesh, uv, given, around, atlas=atlas)
-            painted = _painted_beside(atlas, pixels)
-            wide.reshape(pixels.shape)[painted] = pixels[painted]
+            texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
+            wide = _widened(texture, settings)
         with phase(0.2, 0.8, "Enlarging"):
-            large = wide if times == 1 else sharpen_image(wide, ImageSettings(enlarge=times))
+            how = ImageSettings(enlarge=times, alpha=settings.alpha)
+            large = wide if times == 1 else sharpen_image(wide, how)
         with phase(0.8, 1.0, "Filling the gutter"):
-            return dilate_texture(mesh, uv, large, settings)
+            larger = texture.atlas
+            if times > 1:
+                height, width = large.shape[:2]
+                larger = TextureAtlas(mesh, uv, size=(height, width))
+            texture, values = gathered(Texture(larger, large, alpha, normals), settings)
+            # Mixtures of normals are shorter.
+            keep = None if normals and times > 1 else texture.atlas.inside
+            result = written(texture, values, settings, keep)
+    return result.reshape(*result.shape[:2], *given.shape[2:])
 
 
-def _painted_beside(atlas: TextureAtlas, pixels: npt.NDArray) -> npt.NDArray[np.bool_]:
-    # Texels that charts cover in part and that hold something: not what most texels far from all
-    # charts do. Little of a narrow chart is covered wholly; the rest is known from these.
-    masks = atlas.masks()
-    beside = masks.active & ~atlas.inside
-    far = pixels[~masks.active]
+def _widened(texture: Texture, settings: EnlargeSettings) -> npt.NDArray:
+    # The image with a gutter that enlarging may read.
+    pixels = texture.pixels
+    around = settings.changed(gutter=_AROUND, background="nearest")
+    settled, values = gathered(texture, around)
+    wide = written(settled, values.copy(), around, texture.atlas.inside)
+    painted = _painted(texture.atlas, pixels)
+    beside = texture.atlas.masks().active
+    if painted.any() and settings.seams == "auto":
+        # Where materials meet, what was painted goes on better than the nearest color.
+        own = around.changed(seams="extend")
+        alone = written(gathered(texture, own)[0], values, own, texture.atlas.inside)
+        beside = beside | (wide == alone).all(axis=2)
+    np.copyto(wide, pixels, where=(painted & beside)[..., None])
+    return wide
+
+
+def _painted(atlas: TextureAtlas, pixels: npt.NDArray) -> npt.NDArray[np.bool_]:
+    # Texels beside the charts that hold something: not what most texels far from all charts do.
+    # Little of a narrow chart is covered wholly; the rest is known from these.
+    active = atlas.masks().active
+    beside = ~atlas.inside
+    far = pixels[~active]
     if len(far) == 0:
         return beside
     far = far[:: -(-len(far) // _SAMPLE)]
     colors, counts = np.unique(far, axis=0, return_counts=True)
     if 2 * counts.max() < len(far):
-        return beside
+        return beside & active
     return beside & (pixels != colors[counts.argmax()]).any(axis=2)

@@ -17,6 +17,7 @@ from ..errors import InvalidSignal, SolverError
 from ..mesh.nearest import nearest_point, point_tree
 from ..mesh.triangle_mesh import Ints
 from ..sparse.matrix import Sparse, rows_of
+from .missing import widened
 
 Singles = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
@@ -97,7 +98,7 @@ class Holes:
         self.unknown[:nodes] = lost.reshape(-1)
         self._add_points()
         self.adrift = self.unknown & ~sourced[np.maximum(components, 0)]
-        self._matrix, self._dropped = self._reduced(_widened(lost, 1) & inside)
+        self._matrix, self._dropped = self._reduced(widened(lost, 1) & inside)
 
     def _add_points(self) -> None:
         # Points along seams near missing nodes, link by link.
@@ -314,18 +315,6 @@ def _at_ends(space: TextureSpace) -> Bools:
     ends[one[alone]] = True
     ends[other[alone]] = True
     return ends[cut.free]
-
-
-def _widened(marked: Bools, rings: int) -> Bools:
-    # Marked nodes and those within some rings of neighbors.
-    for _ in range(rings):
-        wide = marked.copy()
-        wide[1:] |= marked[:-1]
-        wide[:-1] |= marked[1:]
-        marked = wide.copy()
-        marked[:, 1:] |= wide[:, :-1]
-        marked[:, :-1] |= wide[:, 1:]
-    return marked
 
 
 def _dot(a: Singles, b: Singles) -> float:

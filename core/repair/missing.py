@@ -18,6 +18,18 @@ Bools = npt.NDArray[np.bool_]
 _BLACK = 2.5 / 255
 """Values up to this are black, though bytes were rounded and compressed."""
 
+_RUN_IN = 14 / 255
+"""Means of channels up to this are black where a picture was compressed until blocks were seen."""
+
+_LEFT = 0.5
+"""Least share of black texels in each unseen face there, and of truly black ones in all."""
+
+_RINGS = 4
+"""Texels around unseen faces that are filled, too, there, as black has run into them."""
+
+_STRAY_THERE = 0.3
+"""As `_STRAY`, there."""
+
 _STRAY = 0.15
 """Share of black texels in the faces around a group of black ones from which it is painted."""
 
@@ -86,7 +98,9 @@ def _of_color(pixels: npt.NDArray, color: npt.NDArray, alpha: int) -> Bools:
     return (off <= step).all(axis=2)
 
 
-def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> Bools:
+def unseen_texels(
+    atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1, *, was_compressed: bool = False
+) -> Bools:
     """Find the texels of faces that no photo saw: groups of faces that are black all over.
 
     What is painted black does not end where faces do: a group counts only if few of the texels
@@ -98,9 +112,19 @@ def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> 
     pixels : (h, w, c) array
     alpha : int
         The channel of opacity, which does not matter; -1: none.
+    was_compressed : bool
+        Whether compression, as JPEG does, lets colors from around run into what was black.
     """
     colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
-    black = (colors <= _BLACK / SCALES[pixels.dtype.name]).all(axis=2)
+    white = 1.0 / SCALES[pixels.dtype.name]
+    truly = (colors <= _BLACK * white).all(axis=2)
+    share, most, left = 1.0, _STRAY, 0.0
+    if was_compressed:  # color runs farther than brightness
+        means = colors.mean(axis=2, dtype=np.float32)
+        black = means <= _RUN_IN * white
+        share, most, left = _LEFT, _STRAY_THERE, _LEFT
+    else:
+        black = truly
     masks = atlas.masks()
     face = masks.face
     shown = face >= 0
@@ -108,7 +132,7 @@ def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> 
     texels = np.bincount(face[shown], minlength=count)
     dark = np.bincount(face[shown & black], minlength=count)
     # Texels on a face's border may show another face's color.
-    unseen = (texels > 0) & (dark >= texels - 0.1 * np.sqrt(texels))
+    unseen = (texels > 0) & (dark >= share * texels - 0.1 * np.sqrt(texels))
     groups = _groups(atlas, unseen | ((texels == 0) & _beside(atlas, unseen)))
     total = int(groups.max(initial=-1)) + 1
     if total == 0:
@@ -121,12 +145,25 @@ def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> 
     others, group = twins[edges] // 3, groups[edges // 3]
     around = np.bincount(group, texels[others], total)
     stray = np.bincount(group, dark[others], total)
-    found = (size >= _FEWEST) & (stray <= _STRAY * around)
+    core = np.bincount(groups[face[shown & truly]] + 1, minlength=total + 1)[1:]
+    found = (size >= _FEWEST) & (stray <= most * around) & (core >= left * size)
     of_face = np.zeros(count, dtype=np.bool_)
     of_face[groups >= 0] = found[groups[groups >= 0]]
     result = np.zeros(face.shape, dtype=np.bool_)
     result[shown] = of_face[face[shown]]
-    return result
+    return widened(result, _RINGS) & shown if was_compressed else result
+
+
+def widened(marked: Bools, rings: int) -> Bools:
+    """Mark texels within some rings of neighbors of marked ones, too."""
+    for _ in range(rings):
+        wide = marked.copy()
+        wide[1:] |= marked[:-1]
+        wide[:-1] |= marked[1:]
+        marked = wide.copy()
+        marked[:, 1:] |= wide[:, :-1]
+        marked[:, :-1] |= wide[:, 1:]
+    return marked
 
 
 def _beside(atlas: TextureAtlas, faces: Bools) -> Bools:

@@ -28,14 +28,22 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import (
     BeltramiTextureSettings,
     DilateSettings,
+    EnlargeSettings,
     FillSettings,
     FilterSettings,
+    RepairSettings,
     StitchSettings,
     TextureSettings,
 )
 
 _WithContent = (
-    BeltramiTextureSettings | FillSettings | FilterSettings | StitchSettings | TextureSettings
+    BeltramiTextureSettings
+    | EnlargeSettings
+    | FillSettings
+    | FilterSettings
+    | RepairSettings
+    | StitchSettings
+    | TextureSettings
 )
 
 
@@ -98,7 +106,7 @@ def check_content(pixels: npt.NDArray, settings: _WithContent) -> None:
 
 
 def checked_content(
-    pixels: npt.NDArray, settings: BeltramiTextureSettings | TextureSettings
+    pixels: npt.NDArray, settings: BeltramiTextureSettings | EnlargeSettings | TextureSettings
 ) -> tuple[int, bool]:
     """Return the channel of opacity, and whether the others are tangent-space normals.
 

@@ -47,6 +47,7 @@ class BlenderBackend:
 
     def __init__(self, program: str) -> None:
         self.prog = program
+        self.offered = cli.COMMANDS
 
     def formats(self, command: cli.Command) -> str:
         """Name the files that a command reads and writes."""

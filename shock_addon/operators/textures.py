@@ -63,17 +63,13 @@ class TextureOperator(OneImageOperator):
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
         """Return the new colors of each tile."""
-        from ...core.host.recolored import recolored
+        from ...core.host.textures import tiles_of
 
         self._notes += [*target.notes, *result.notes]
         if target.mosaic is None:
             return {data.image.images.UNTILED: result.recolored}
         levels = target.surface.picture.levels
-        shown = {} if result.shown is None else target.mosaic.cut(result.shown)
-        return {
-            number: recolored(target.parts[number], new, levels, shown.get(number))
-            for number, new in target.mosaic.cut(result.recolored.colors).items()
-        }
+        return tiles_of(target.mosaic, target.parts, result, levels)
 
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
         """Show it in the materials, with Assign; beside the old one with Live."""

@@ -376,6 +376,8 @@ def test_the_menu_has_the_modes_filters(mode, space, modes):
         ("shock_filter.filter_texture",),
         ("shock_filter.stitch_textures",),
         ("shock_filter.fill_texture",),
+        ("shock_filter.repair_texture",),
+        ("shock_filter.enlarge_texture",),
         ("shock_filter.dilate_texture",),
     ]
     wanted += of_textures[:-1] * ("texture" in modes)
@@ -628,6 +630,8 @@ def test_texture_paint_mode_has_the_menu_in_its_header(rounded_box):
         ("shock_filter.filter_texture",),
         ("shock_filter.stitch_textures",),
         ("shock_filter.fill_texture",),
+        ("shock_filter.repair_texture",),
+        ("shock_filter.enlarge_texture",),
         ("shock_filter.dilate_texture",),
     ]
     bpy.ops.object.mode_set(mode="OBJECT")

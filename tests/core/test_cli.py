@@ -36,6 +36,7 @@ class Recorder:
     """A backend that copies files and remembers what it was asked."""
 
     prog = "shock-filter"
+    offered = cli.COMMANDS
 
     def __init__(self):
         self.calls = []
@@ -172,10 +173,10 @@ def test_help_says_description_unit_range_and_default(capsys, command):
             assert about.unit in text
             assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
     makes = command.kind.is_drawn or command.kind.makes_frames
-    unmasked = command.command == "dilate-texture" or makes
+    unmasked = command.command in ("dilate-texture", "enlarge-texture") or makes
     assert ("--mask" in text) != unmasked
     textures = ["denoise-texture", "sharpen-texture", "filter-texture", "stitch-textures"]
-    textures.append("fill-texture")
+    textures += ["fill-texture", "repair-texture"]
     of_textures = unmasked or command.command in textures
     assert ("--material" in text) == of_textures
     assert ("--gain-map" in text) == (command.command == "filter-texture")

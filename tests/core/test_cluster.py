@@ -168,6 +168,8 @@ WORDS = {
     "filter-texture": "mesh.obj a.png out.png --gain-map gray.png --gain 2",
     "stitch-textures": "mesh.obj a.png out.png --with b.png",
     "fill-texture": "mesh.obj a.png out.png --mask hole.png",
+    "enlarge-texture": "mesh.obj a.png out.png --factor 2",
+    "repair-texture": "mesh.obj a.png out.png --mask hole.png",
     "make-tileable": "a.png out.png --mask gray.png",
     "remove-blocks": "a.png out.png",
     "geodesic-distance": "mesh.obj out.npy --painted gray.png --like a.png",
@@ -180,15 +182,18 @@ WORDS = {
     "visualize-flow": "flow.npy out --frames 2 --background b.png",
     "dilate-texture": "mesh.obj a.png out.png",
     "texture-mask": "mesh.obj out.png --like a.png",
+    "repair-model": "model.obj out.obj --sharpen 0",
 }
 """What each command is given, with all kinds of files that flags name: in the client's folder."""
 
 
 def test_each_command_runs_on_workers_and_writes_the_same(address, folder):
     """In the order of the table; a new command needs its words above."""
-    assert list(WORDS) == [row.command for row in cli.COMMANDS]
+    assert list(WORDS) == [row.command for row in cli.FileBackend.offered]
     draw("a", "b", folder=".")
     Path("mesh.obj").write_text(MESH)
+    Path("model.obj").write_text("mtllib m.mtl\nusemtl m\n" + MESH)
+    Path("m.mtl").write_text("newmtl m\nmap_Kd a.png\n")
     np.save("flow.npy", np.random.default_rng(0).random((8, 8, 2)))
     gray = Image.open("a.png").convert("L")
     gray.save("gray.png")

@@ -296,6 +296,7 @@ class Recorder:
     """A backend that remembers what it was asked."""
 
     prog = "shock-filter"
+    offered = cli.COMMANDS
 
     def __init__(self):
         self.asked = []

@@ -31,7 +31,7 @@ def test_seams_jump_less_than_if_the_image_alone_is_enlarged(angle):
     blocks = Blocks(waves(64), angle)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
     image = blocks.texture()
-    result = core.enlarge_texture(mesh, blocks.uv, image, factor=2)
+    result = core.enlarge_texture(mesh, blocks.uv, image, core.EnlargeSettings(factor=2))
     alone = core.sharpen_image(image, core.ImageSettings(enlarge=2))
     assert result.shape == (2 * len(image), 2 * len(image), 3)
     assert jumps(blocks, result) < jumps(blocks, image) + 1 / 255
@@ -41,7 +41,7 @@ def test_seams_jump_less_than_if_the_image_alone_is_enlarged(angle):
 def test_it_comes_near_to_the_truth_inside_charts():
     blocks = Blocks(waves(64), 0.4)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
-    result = core.enlarge_texture(mesh, blocks.uv, blocks.texture(), factor=2)
+    result = core.enlarge_texture(mesh, blocks.uv, blocks.texture(), core.EnlargeSettings(factor=2))
     points = np.random.default_rng(0).uniform(2, 62, size=(3000, 2))
     wanted = 0.5 + 0.3 * np.cos(4 * points[:, 0] / 64 * np.pi) * np.cos(
         6 * points[:, 1] / 64 * np.pi
@@ -54,10 +54,26 @@ def test_types_stay_and_wrong_factors_are_refused():
     blocks = Blocks(waves(32))
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
     image = np.uint8(255 * blocks.texture())
-    assert core.enlarge_texture(mesh, blocks.uv, image[..., 0], factor=3).dtype == np.uint8
+    assert (
+        core.enlarge_texture(mesh, blocks.uv, image[..., 0], core.EnlargeSettings(factor=3)).dtype
+        == np.uint8
+    )
     inside = core.TextureAtlas(mesh, blocks.uv, size=image.shape[:2]).inside
-    same = core.enlarge_texture(mesh, blocks.uv, image, factor=1)
+    same = core.enlarge_texture(mesh, blocks.uv, image, core.EnlargeSettings(factor=1))
     assert (same[inside] == image[inside]).all()
     for factor in (0, 9, 1.5):
         with pytest.raises(core.InvalidSettings):
-            core.enlarge_texture(mesh, blocks.uv, image, factor=factor)
+            core.enlarge_texture(mesh, blocks.uv, image, core.EnlargeSettings(factor=factor))
+
+
+def test_normals_keep_unit_length():
+    blocks = Blocks(waves(48), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    normals = blocks.texture() - 0.5
+    normals[..., 2] = 0.6
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    settings = core.EnlargeSettings(content="normals")
+    found = core.enlarge_texture(mesh, blocks.uv, 0.5 + 0.5 * normals, settings)
+    inside = core.TextureAtlas(mesh, blocks.uv, size=found.shape[:2]).inside
+    lengths = np.linalg.norm(2 * found - 1, axis=2)[inside]
+    assert np.abs(lengths - 1).max() < 1e-4

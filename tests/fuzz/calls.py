@@ -116,9 +116,7 @@ CALLS = {
     "curvature_map": Call(_DRAWN, core.CurvatureSettings),
     "denoise_geometry": Call({"mesh": MESH, "mask": MASK}, core.BeltramiGeometrySettings),
     "dilate_texture": Call({**_TEXTURE, "image": IMAGE, "atlas": ATLAS}, core.DilateSettings),
-    "enlarge_texture": Call(
-        {**_TEXTURE, "image": IMAGE, "factor": 2, "atlas": ATLAS}, core.DilateSettings
-    ),
+    "enlarge_texture": Call({**_TEXTURE, "image": IMAGE, "atlas": ATLAS}, core.EnlargeSettings),
     "fill_texture": Call(
         {**_TEXTURE, "image": IMAGE, "missing": WEIGHTS > 0.5, "normals": NORMALS, "atlas": ATLAS},
         core.FillSettings,
@@ -160,6 +158,14 @@ CALLS = {
         core.ReactionSettings, short={"steps": 2},
     ),
     "remove_blocks": Call({"image": IMAGE, "mask": WEIGHTS}, core.BlockSettings),
+    "repair_texture": Call(
+        {**_TEXTURE, "image": IMAGE, "missing": WEIGHTS > 0.5, "normals": NORMALS, "atlas": ATLAS},
+        core.RepairSettings,
+    ),
+    "repair_textures": Call(
+        {**_TEXTURE, "images": [IMAGE, IMAGE], "normals": NORMALS},
+        core.RepairSettings,
+    ),
     "sharpen_corner_signal": Call(
         {"mesh": MESH, "signal": CORNERS, "mask": MASK}, core.ShockSettings
     ),

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
@@ -17,7 +17,6 @@ from ...document import (
     NEW_NORMALS,
     Bools,
     Floats,
-    InPlaceDocument,
     Ints,
     Names,
     from_unit,
@@ -31,6 +30,7 @@ from ...document import (
 )
 from ...side_files import are_beside, copy_beside, find, is_absolute, located
 from ...staging import within
+from .gltf_maps import is_beside, material_images, replace_image, use_png, write_beside
 from .gltf_tree import (
     DRACO,
     INSIDE,
@@ -44,11 +44,12 @@ from .gltf_tree import (
     triangles_of,
     values_of,
 )
+from .maps import MapGroup, TexturedDocument, grouped
 
 _MORPHS = "morph targets were left as they were: only the shape without them changed"
 
 
-class GltfFile(InPlaceDocument):
+class GltfFile(TexturedDocument):
     """A GLB or glTF file; only positions, normals and colors in its buffers are rewritten.
 
     All meshes are transformed to the space of the scene, so that they are sharpened as they look
@@ -58,6 +59,7 @@ class GltfFile(InPlaceDocument):
     def __init__(self, path: Path) -> None:
         self._path = path
         self._in_place, self._is_beside = False, True
+        self._fresh: list[str] = []  # images that were made anew beside the file
         self._tree, self._buffers = read_tree(path)
         self._chunks = glb_chunks(path.read_bytes())[2:]
         to_world = _gltf_matrices(self._tree)
@@ -183,6 +185,33 @@ class GltfFile(InPlaceDocument):
             names += [name] * len(faces)
         return np.concatenate(blocks), np.array(names)
 
+    def read_maps(self) -> tuple[list[MapGroup], list[str]]:
+        count = len(self.faces)
+        shown: dict[int, Bools] = {}
+        first = 0
+        for primitive, _, faces in self._triangles():
+            if "material" in primitive and "TEXCOORD_0" in primitive["attributes"]:
+                mask = shown.setdefault(primitive["material"], np.zeros(count, dtype=np.bool_))
+                mask[first : first + len(faces)] = True
+            first += len(faces)
+        uses, notes = [], []
+        for number, mask in shown.items():
+            images, left = material_images(self._path, self._tree, self._buffers, number)
+            uses.append((mask, images))
+            notes += left
+        return grouped(uses), notes
+
+    def save_maps(
+        self, path: Path, positions: Floats, moved: Bools, images: Mapping[Any, bytes]
+    ) -> list[str]:
+        for number, data in images.items():
+            if is_beside(self._tree, self._tree["images"][number]):
+                self._fresh.append(write_beside(self._tree, number, data, path))
+            else:
+                replace_image(self._tree, self._buffers, number, data)
+        use_png(self._tree, images)
+        return self.save(path, positions, moved)
+
     def _colors(self) -> list[tuple[slice, int]]:
         """Vertices with colors, and the accessor that holds the colors."""
         found: dict[int, int] = {}
@@ -279,7 +308,8 @@ class GltfFile(InPlaceDocument):
         if self._chunks and not is_glb:
             kinds = ", ".join(chunk_name(kind) for kind, _ in self._chunks)
             notes.append(f".gltf cannot hold parts of its own ({kinds}): left behind")
-        return notes + copy_beside(self._path, self._side_files("images"), path)[1]
+        names = [name for name in self._side_files("images") if name not in self._fresh]
+        return notes + copy_beside(self._path, names, path)[1]
 
     def _name_images_relatively(self) -> None:
         for image in self._tree.get("images", []):

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import re
 from codecs import BOM_UTF8
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,20 +16,33 @@ from ...document import (
     NEW_NORMALS,
     Bools,
     Floats,
-    InPlaceDocument,
     Ints,
     Names,
     decimal,
     renewed_normals,
 )
 from ...side_files import are_beside, copy_beside, find, is_absolute, located
+from ...staging import within
+from .maps import COLOR, NORMALS, MapGroup, MapImage, TexturedDocument, grouped
 
 _LARGEST_LIBRARY = 1 << 26  # bytes of a material file, which holds no images
 _LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
 _IMAGES = re.compile(rb"\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(\S.*)", re.IGNORECASE)
+_PARTS = {
+    b"map_kd": COLOR,
+    b"norm": NORMALS,
+    b"map_kn": NORMALS,
+    b"map_bump": "bump",
+    b"bump": "bump",
+    b"map_pr": "roughness",
+    b"map_pm": "metal",
+    b"map_ke": "emission",
+    b"map_ks": "gloss",
+    b"map_d": "opacity",
+}
 
 
-class ObjFile(InPlaceDocument):
+class ObjFile(TexturedDocument):
     """An OBJ file as lines; only normals and the `v` lines of changed vertices are rewritten."""
 
     def __init__(self, path: Path) -> None:
@@ -37,6 +51,7 @@ class ObjFile(InPlaceDocument):
         text = re.sub(rb"\\\r?\n", b" ", data.removeprefix(BOM_UTF8))
         self.path = path
         self._is_beside = True
+        self._has_library = False  # written already
         self.lines = text.splitlines(keepends=True)
         self._vertex_lines: list[int] = []
         self._normal_lines: list[int] = []
@@ -91,6 +106,9 @@ class ObjFile(InPlaceDocument):
         return [*self._write(path, lines), *[NEW_NORMALS] * fresh]
 
     def _write(self, path: Path, lines: list[bytes]) -> list[str]:
+        if self._has_library:
+            path.write_bytes(self._mark + b"".join(lines))
+            return []
         if not self._is_beside:
             lines = _with_relative_names(self.path.parent, lines, _LIBRARIES)
         path.write_bytes(self._mark + b"".join(lines))
@@ -149,6 +167,70 @@ class ObjFile(InPlaceDocument):
             )
         uv = np.array(values)[np.array(corners)[self._triangles]]
         return uv, np.array(materials)[self._owners]
+
+    def read_maps(self) -> tuple[list[MapGroup], list[str]]:
+        uv, materials = self.read_uvs()
+        known = ~np.isnan(uv).any(axis=(1, 2))
+        of_material: dict[str, dict[str, MapImage]] = {}
+        notes: list[str] = []
+        for line, material in self._material_lines():
+            named = _named_file(self.path.parent, line, _IMAGES)
+            part = _PARTS.get(line.split(None, 1)[0].lower()) if named else None
+            if named is None or part is None:
+                continue
+            name = named[0].decode("utf-8", "replace")
+            found = find(self.path.parent, name)
+            if found is None:
+                notes.append(f"{part} of {material}: the file {name} is not beside the model")
+                continue
+            image = MapImage(name, name, part, found.suffix.lower(), found.read_bytes())
+            of_material.setdefault(material, {}).setdefault(name, image)
+        uses = [
+            (known & (materials == material), list(images.values()))
+            for material, images in of_material.items()
+        ]
+        return grouped([(faces, images) for faces, images in uses if faces.any()]), notes
+
+    def _material_lines(self) -> list[tuple[bytes, str]]:
+        """The lines of all material files, and the material that each is of."""
+        result, material = [], ""
+        for library in material_files(self.path.parent, self.lines):
+            path = find(self.path.parent, library)
+            if path is None or path.stat().st_size >= _LARGEST_LIBRARY:
+                continue
+            for line in path.read_bytes().splitlines(keepends=True):
+                words = line.split(None, 1)
+                if words and words[0].lower() == b"newmtl":
+                    material = b" ".join(line.split()[1:]).decode("utf-8", "replace")
+                result.append((line, material))
+        return result
+
+    def save_maps(
+        self, path: Path, positions: Floats, moved: Bools, images: Mapping[Any, bytes]
+    ) -> list[str]:
+        if not images:
+            return self.save(path, positions, moved)
+        names = {}
+        for number, (name, data) in enumerate(images.items()):
+            names[name] = f"{path.name}.{number}.png"
+            within(path.parent, names[name]).write_bytes(data)
+        lines, others = [], []
+        for line, _ in self._material_lines():
+            named = _named_file(self.path.parent, line, _IMAGES)
+            name = named[0].decode("utf-8", "replace") if named else ""
+            if named and name in names:
+                line = line[: named[1]] + names[name].encode() + b"\n"
+            elif named:
+                others.append(name)
+            lines.append(line if line.endswith(b"\n") else line + b"\n")
+        within(path.parent, f"{path.name}.mtl").write_bytes(b"".join(lines))
+        libraries = [n for n, line in enumerate(self.lines) if _LIBRARIES.match(line)]
+        for number in libraries:
+            self.lines[number] = b""
+        self.lines[libraries[0]] = b"mtllib " + f"{path.name}.mtl".encode() + b"\n"
+        self._has_library = True
+        notes = self.save(path, positions, moved)
+        return [*notes, *copy_beside(self.path, others, path)[1]]
 
     def _renew_normals(self, lines: list[bytes], positions: Floats) -> None:
         # Corners that shared a vertex and a normal keep sharing it: hard edges stay hard.

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The maps of materials: images that a model's faces show, in groups that belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from ...document import Bools, Floats, InPlaceDocument
+
+COLOR = "color"
+"""The part of the map that leads: what is missing of it, others may lack, too."""
+
+NORMALS = "normals"
+
+_FIRST = (COLOR, "opacity", NORMALS)
+
+
+class MapImage(NamedTuple):
+    """An image that a material shows.
+
+    Attributes
+    ----------
+    key : hashable
+        By which the document knows it.
+    name : str
+        For people.
+    part : str
+        What it is to the material: `COLOR`, `NORMALS`, or another word.
+    ending : str
+        Of a file of its format, such as ``".png"``.
+    data : bytes
+        The image as a file.
+    """
+
+    key: Hashable
+    name: str
+    part: str
+    ending: str
+    data: bytes
+
+
+class MapGroup(NamedTuple):
+    """The maps of the materials that share any, the one of colors first.
+
+    Attributes
+    ----------
+    images : list of MapImage
+    faces : (t,) bool
+        The triangles that show them.
+    """
+
+    images: list[MapImage]
+    faces: Bools
+
+
+class TexturedDocument(InPlaceDocument, Protocol):
+    """A file whose materials name images, which can be replaced."""
+
+    def read_maps(self) -> tuple[list[MapGroup], list[str]]:
+        """Groups of images that triangles show, and sentences on those that cannot be read."""
+
+    def save_maps(
+        self, path: Path, positions: Floats, moved: Bools, images: Mapping[Any, bytes]
+    ) -> list[str]:
+        """Write the file with other positions and images (PNG, by their keys); returns notes."""
+
+
+def grouped(uses: Sequence[tuple[Bools, list[MapImage]]]) -> list[MapGroup]:
+    """Join materials, each with its triangles and images, that share an image."""
+    groups: list[MapGroup] = []
+    for faces, images in uses:
+        keys = {image.key for image in images}
+        joined, apart = list(images), []
+        for group in groups:
+            if keys.isdisjoint(image.key for image in group.images):
+                apart.append(group)
+                continue
+            faces = faces | group.faces
+            joined = group.images + joined
+        known = {image.key: image for image in reversed(joined)}
+        groups = [*apart, MapGroup(list(known.values()), faces)] if known else groups
+    return [group._replace(images=sorted(group.images, key=_rank)) for group in groups]
+
+
+def _rank(image: MapImage) -> int:
+    return _FIRST.index(image.part) if image.part in _FIRST else len(_FIRST)

@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All repairs of a texture in their order; the maps of a material together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..base.checks import LARGEST, SCALES, by_keyword, checked_image, checked_weights
+from ..base.findings import tell
+from ..base.progress import ProgressCallback, phase, reporting
+from ..color.image_sharpening import measure_image
+from ..errors import InvalidSignal
+from ..grid.channels import opacity_channel
+from ..grid.resize import resized
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import (
+    BeltramiTextureSettings,
+    BlockSettings,
+    DilateSettings,
+    EnlargeSettings,
+    FillSettings,
+    ImageSettings,
+    RepairSettings,
+    StitchSettings,
+    TextureSettings,
+    given_or_default,
+)
+from ..texture.denoising import beltrami_texture
+from ..texture.sharpening import dilate_texture, sharpen_texture
+from ..texture.stitching import stitch_textures
+from ..texture.texels import check_content, checked_atlas
+from .blocks import remove_blocks
+from .enlarging import enlarge_texture
+from .filling import fill_texture
+from .missing import missing_texels, unseen_texels
+
+_Bools = npt.NDArray[np.bool_]
+
+_STEP = 12 / 255
+"""Where a step at a seam would move texels farther than this, different materials meet, and half
+of the change or less is taken."""
+
+_CRISP, _BLURRED = 1.4, 2.2
+"""Widths of borders in texels, from 10 to 90 %, that need no sharpening and all of it."""
+
+_WIDE, _GRADIENT = 8.0, 14.0
+"""Widths that need all of it, and those of gradients, which are not meant to be borders."""
+
+
+class _Surface(NamedTuple):
+    # What shows an image.
+    mesh: TriangleMesh
+    uv: npt.ArrayLike
+    atlas: TextureAtlas
+    normals: npt.ArrayLike | None
+
+
+@by_keyword
+def repair_texture(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    image: npt.ArrayLike,
+    settings: RepairSettings | None = None,
+    *,
+    missing: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+    normals: npt.ArrayLike | None = None,
+    atlas: TextureAtlas | None = None,
+) -> npt.NDArray:
+    """Repair a texture as it comes from a generator or from photogrammetry.
+
+    In this order: the blocks of JPEG compression go, then noise; what is missing is filled; both
+    sides of seams are brought together; the texture is sharpened, or enlarged on request; the
+    gutter is filled. Each step leaves the texture bit for bit where there is nothing to do.
+
+    Parameters
+    ----------
+    mesh, uv, image, progress, atlas
+        As in `sharpen_texture`.
+    settings : RepairSettings, optional
+    missing : (h, w) array of float in [0, 1], optional
+        1 where a texel is missing, in place of what `settings.fill` says.
+    normals : (m, 3, 3) array of float, optional
+        As in `filter_texture`.
+
+    Returns
+    -------
+    array like `image`
+        Or as many times higher and wider as `settings.enlarge` says.
+
+    Raises
+    ------
+    InvalidUV, InvalidSignal, InvalidSettings, Cancelled
+        As in `sharpen_texture`.
+    SolverError
+        If no solution is found.
+
+    See Also
+    --------
+    repair_textures : repairs all maps of a material together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> ramp = np.tile(np.linspace(0.2, 1.0, 16), (16, 1))
+    >>> hole = np.tile((np.arange(16) > 4) & (np.arange(16) < 12), (16, 1))
+    >>> settings = core.RepairSettings(sharpen=0)
+    >>> whole = core.repair_texture(mesh, uv, np.where(hole, 0, ramp), settings, missing=hole)
+    >>> bool(np.abs(whole - ramp).max() < 0.01)
+    True
+    """
+    given = checked_image(image, LARGEST)
+    settings = given_or_default(settings, RepairSettings)
+    with reporting(progress):
+        with phase(0.0, 0.1, "Finding texels"):
+            surface = _Surface(mesh, uv, checked_atlas(atlas, mesh, uv, given), normals)
+        with phase(0.1, 1.0, "Repairing"):
+            weights = None if missing is None else checked_weights(missing, given)
+            return _repaired(surface, given, settings, weights, None)[0]
+
+
+@by_keyword
+def repair_textures(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    images: Sequence[npt.ArrayLike],
+    settings: RepairSettings | None = None,
+    *,
+    contents: Sequence[str] = (),
+    progress: ProgressCallback | None = None,
+    normals: npt.ArrayLike | None = None,
+) -> list[npt.NDArray]:
+    """Repair all maps of a material together, as `repair_texture` does each.
+
+    Parameters
+    ----------
+    mesh, uv, progress
+        As in `sharpen_texture`.
+    images : sequence of arrays
+        The map of colors first; the others may have other sizes. In these, only that is filled
+        which is missing in the first one, too: black roughness may be meant.
+    settings : RepairSettings, optional
+        Its `content` is that of the first map.
+    contents : sequence of str
+        As `RepairSettings.content`, of each image. Default: all hold values.
+    normals : (m, 3, 3) array of float, optional
+        As in `filter_texture`.
+
+    Returns
+    -------
+    list of arrays
+
+    Raises
+    ------
+    InvalidUV, InvalidSignal, InvalidSettings, SolverError, Cancelled
+        As in `repair_texture`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> color, rough = np.full((16, 16, 3), 0.5), np.full((8, 8), 0.25)
+    >>> found = core.repair_textures(mesh, uv, [color, rough], core.RepairSettings(enlarge=2))
+    >>> [each.shape for each in found]
+    [(32, 32, 3), (16, 16)]
+    """
+    if not isinstance(images, list | tuple | np.ndarray) or not len(images):
+        raise InvalidSignal("There are no images; give a list of arrays.")
+    if not isinstance(contents, list | tuple):
+        raise InvalidSignal(f"contents is {contents!r:.60}; give a list of words.")
+    given = [checked_image(each, LARGEST) for each in images]
+    settings = given_or_default(settings, RepairSettings)
+    kinds = list(contents) or ["values"] * len(given)
+    if len(kinds) != len(given):
+        raise InvalidSignal(
+            f"There are {len(given)} images and {len(kinds)} contents; give one of each."
+        )
+    results: list[npt.NDArray] = []
+    atlases: dict[tuple[int, ...], TextureAtlas] = {}
+    lacking: _Bools | None = None
+    with reporting(progress):
+        for number, (image, content) in enumerate(zip(given, kinds, strict=True)):
+            with phase(number / len(given), (number + 1) / len(given), "Repairing"):
+                size = image.shape[:2]
+                if size not in atlases:
+                    atlases[size] = TextureAtlas(mesh, uv, size=(size[0], size[1]))
+                surface = _Surface(mesh, uv, atlases[size], normals)
+                own = settings.changed(content=content)
+                result, found = _repaired(surface, image, own, None, lacking)
+                results.append(result)
+                lacking = found if number == 0 else lacking
+    return results
+
+
+def _repaired(
+    surface: _Surface,
+    image: npt.NDArray,
+    settings: RepairSettings,
+    missing: npt.NDArray | None,
+    within: _Bools | None,
+) -> tuple[npt.NDArray, _Bools]:
+    # The image after all steps, and what was missing of it.
+    check_content(image.reshape(*image.shape[:2], -1), settings)
+    with phase(0.0, 0.15, "Removing blocks"):
+        clean = image
+        if settings.blocks > 0:
+            clean = remove_blocks(image, BlockSettings(strength=settings.blocks))
+    with phase(0.15, 0.3, "Smoothing"):
+        weights = _missing(surface, image, clean, settings, missing, within)
+        clean = _without_noise(surface, clean, settings, weights)
+    with phase(0.3, 0.6, "Filling"):
+        if (weights > 0).any():
+            clean = _filled(surface, clean, settings, weights)
+    with phase(0.6, 0.8, "Bringing seams together"):
+        if settings.stitch != "nothing":
+            clean = _stitched(surface, clean, settings)
+    with phase(0.8, 1.0, "Sharpening"):
+        return _finished(surface, clean, settings), weights > 0
+
+
+def _missing(
+    surface: _Surface,
+    image: npt.NDArray,
+    clean: npt.NDArray,
+    settings: RepairSettings,
+    missing: npt.NDArray | None,
+    within: _Bools | None,
+) -> npt.NDArray[np.float64]:
+    # How far each texel is missing: where either the image says so, or what is left of it.
+    if missing is not None:
+        return np.asarray(missing, dtype=np.float64)
+    if settings.fill == "nothing" or (within is not None and not within.any()):
+        return np.zeros(image.shape[:2])
+    limit = None
+    if within is not None:
+        height, width = image.shape[:2]
+        limit = resized(within.astype(np.float32)[..., None], (height, width))[..., 0] > 0.5
+    how = FillSettings(find=settings.fill)
+    alpha = _alpha_of(image, settings)
+    pixels = image.reshape(*image.shape[:2], -1)
+    inside = surface.atlas.inside
+    found = missing_texels(surface.atlas, pixels, alpha, None, how) * inside
+    if settings.fill != "opacity" and not found.any() and (clean != image).any():
+        found = unseen_texels(surface.atlas, pixels, alpha, was_compressed=True) * inside * 1.0
+    if found[inside].all():  # black is meant, or nobody knows better
+        return np.zeros(image.shape[:2])
+    return found if limit is None else found * limit
+
+
+def _without_noise(
+    surface: _Surface,
+    image: npt.NDArray,
+    settings: RepairSettings,
+    missing: npt.NDArray[np.float64],
+) -> npt.NDArray:
+    # Where there is no noise, its kernel is too narrow to change anything.
+    if settings.denoise == 0:
+        return image
+    how = BeltramiTextureSettings(
+        **_common(settings), alpha=settings.alpha, content=settings.content
+    )
+    mask = settings.denoise * (missing == 0)
+    return beltrami_texture(surface.mesh, surface.uv, image, how, mask=mask, atlas=surface.atlas)
+
+
+def _filled(
+    surface: _Surface,
+    image: npt.NDArray,
+    settings: RepairSettings,
+    missing: npt.NDArray[np.float64],
+) -> npt.NDArray:
+    inside = surface.atlas.inside
+    share = np.count_nonzero(missing[inside]) / max(np.count_nonzero(inside), 1)
+    tell("{share:.1%} of the texels were missing, and were filled.", share=share)
+    how = FillSettings(gutter=settings.gutter, alpha=settings.alpha, content=settings.content)
+    return fill_texture(
+        surface.mesh,
+        surface.uv,
+        image,
+        how,
+        missing=missing,
+        normals=surface.normals,
+        atlas=surface.atlas,
+    )
+
+
+def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -> npt.NDArray:
+    how = StitchSettings(
+        gutter=settings.gutter,
+        where=settings.stitch,
+        seams=settings.seams,
+        alpha=settings.alpha,
+        content=settings.content,
+    )
+    result = stitch_textures(
+        surface.mesh, surface.uv, image, how, normals=surface.normals, atlas=surface.atlas
+    )
+    if settings.stitch == "everywhere":
+        return result
+    old, new = (each.reshape(*image.shape[:2], -1).astype(np.float32) for each in (image, result))
+    far = np.abs(new - old).max(axis=2, keepdims=True) * SCALES[image.dtype.name] / _STEP
+    mixed = old + (new - old) / (1 + far**4)
+    return _stored(mixed, image)
+
+
+def _finished(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -> npt.NDArray:
+    # Enlarged or sharpened, with a gutter.
+    mesh, uv, atlas, _ = surface
+    words = {**_common(settings), "alpha": settings.alpha, "content": settings.content}
+    if settings.enlarge > 1:  # which sharpens by itself
+        larger = EnlargeSettings(factor=settings.enlarge, **words)
+        return enlarge_texture(mesh, uv, image, larger, atlas=atlas)
+    amount = settings.sharpen * _blur(image, settings)
+    if amount > 0:
+        sharper = TextureSettings(amount=amount, **words)
+        return sharpen_texture(mesh, uv, image, sharper, atlas=atlas)
+    return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
+
+
+def _blur(image: npt.NDArray, settings: RepairSettings) -> float:
+    # How much of the sharpening the borders need, by their measured width.
+    if settings.sharpen == 0:
+        return 0.0
+    width = measure_image(image, ImageSettings(what="photo", alpha=settings.alpha)).borders.width
+    share = float(np.interp(width, [_CRISP, _BLURRED, _WIDE, _GRADIENT], [0.0, 1.0, 1.0, 0.0]))
+    if share == 0:
+        tell("Borders are as crisp as texels allow; they were not sharpened.")
+    return share
+
+
+def _stored(values: npt.NDArray[np.float32], like: npt.NDArray) -> npt.NDArray:
+    # In the type and shape of an image.
+    if like.dtype.kind == "u":
+        values = np.rint(np.clip(values, 0, np.iinfo(like.dtype).max))
+    return values.reshape(like.shape).astype(like.dtype)
+
+
+def _common(settings: RepairSettings) -> dict[str, Any]:
+    names = ("gutter", "background", "seams")
+    return {name: getattr(settings, name) for name in names}
+
+
+def _alpha_of(image: npt.NDArray, settings: RepairSettings) -> int:
+    return opacity_channel(1 if image.ndim == 2 else image.shape[2], settings.alpha)

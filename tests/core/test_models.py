@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of repairing models with their textures: GLB, glTF and OBJ files."""
+
+import io
+import json
+import struct
+
+import numpy as np
+import pytest
+from atlases import Blocks
+from PIL import Image
+from shock_filter import core
+from shock_filter.core import cli
+from shock_filter.core.files.formats.mesh.gltf import GltfFile
+from shock_filter.core.files.formats.mesh.obj import ObjFile
+
+
+def model(n=32):
+    y, x = (np.mgrid[:n, :n] + 0.5) / n * np.pi
+    values = [np.cos(2 * x + c) * np.cos(3 * y - c) for c in range(3)]
+    return Blocks((0.5 + 0.3 * np.stack(values, axis=-1)).astype(np.float32), None)
+
+
+def unseen(blocks):
+    """Faces around the middle."""
+    middles = blocks.vertices[blocks.faces].mean(axis=1)
+    far = np.linalg.norm(middles - middles.mean(axis=0), axis=1)
+    return far < 0.25 * far.max()
+
+
+def picture(blocks, hole=True):
+    """The texture as it is stored, row 0 at the top; two faces are black."""
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image = np.rint(255 * blocks.texture()).astype(np.uint8)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=image.shape[:2])
+    if hole:
+        image[unseen(blocks)[atlas.masks().face] & (atlas.masks().face >= 0)] = 0
+    return np.ascontiguousarray(image[::-1])
+
+
+def png(pixels, kind="PNG"):
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, kind)
+    return file.getvalue()
+
+
+def write_glb(path, blocks, images, **material):
+    """Write a GLB file whose vertices are all split."""
+    positions = blocks.vertices[blocks.faces].reshape(-1, 3).astype("<f4")
+    uv = (blocks.uv.reshape(-1, 2) * (1, -1) + (0, 1)).astype("<f4")
+    parts = [positions.tobytes(), uv.tobytes(), *images]
+    data, views = bytearray(), []
+    for part in parts:
+        data += bytes(-len(data) % 4)
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(part)})
+        data += part
+    count = len(positions)
+    tree = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": len(data)}],
+        "bufferViews": views,
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3",
+             "min": positions.min(0).tolist(), "max": positions.max(0).tolist()},
+            {"bufferView": 1, "componentType": 5126, "count": count, "type": "VEC2"},
+        ],
+        "images": [{"bufferView": 2 + k, "mimeType": "image/png"} for k in range(len(images))],
+        "textures": [{"source": k} for k in range(len(images))],
+        "materials": [material],
+        "meshes": [{"primitives": [
+            {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}],
+        "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}],
+    }  # fmt: skip
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    data += bytes(-len(data) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+    chunks += struct.pack("<II", len(data), 0x004E4942) + bytes(data)
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def write_obj(folder, blocks, pixels, name="tex.png"):
+    lines = ["mtllib m.mtl", "usemtl m"]
+    lines += ["v {} {} {}".format(*point) for point in blocks.vertices]
+    lines += ["vt {} {}".format(*place) for place in blocks.uv.reshape(-1, 2)]
+    for n, face in enumerate(blocks.faces):
+        corners = " ".join(f"{v + 1}/{3 * n + k + 1}" for k, v in enumerate(face))
+        lines.append(f"f {corners}")
+    (folder / "in.obj").write_text("\n".join(lines) + "\n")
+    (folder / "m.mtl").write_text(f"newmtl m\nKd 1 1 1\nmap_Kd {name}\n")
+    (folder / "tex.png").write_bytes(png(pixels))
+    return folder / "in.obj"
+
+
+def repair(*words):
+    return cli.main(["repair-model", *map(str, words), "--sharpen", "0", "--quiet"])
+
+
+def images_of(path, reader=GltfFile):
+    groups, notes = reader(path).read_maps()
+    found = {
+        image.part: np.asarray(Image.open(io.BytesIO(image.data)))
+        for group in groups
+        for image in group.images
+    }
+    return found, notes
+
+
+def test_glb_files_get_new_images_and_keep_all_else(tmp_path):
+    blocks = model()
+    pixels, rough = picture(blocks), np.full((32, 32), 90, dtype=np.uint8)
+    write_glb(
+        tmp_path / "in.glb",
+        blocks,
+        [png(pixels), png(rough)],
+        pbrMetallicRoughness={
+            "baseColorTexture": {"index": 0},
+            "metallicRoughnessTexture": {"index": 1},
+        },
+    )
+    assert repair(tmp_path / "in.glb", tmp_path / "out.glb", "--enlarge", "2") == 0
+    found, _ = images_of(tmp_path / "out.glb")
+    assert found["color"].shape == (2 * len(pixels), 2 * len(pixels), 3)
+    assert (found["metal and roughness"] == 90).all()
+    old, new = GltfFile(tmp_path / "in.glb"), GltfFile(tmp_path / "out.glb")
+    assert (old.vertices == new.vertices).all()
+    assert (old.faces == new.faces).all()
+    assert (old.read_uvs()[0] == new.read_uvs()[0]).all()
+    truth = picture(blocks, hole=False)
+    black = (pixels == 0).all(axis=2) & (truth > 0).any(axis=2)
+    small = found["color"][::2, ::2]
+    assert black.any()
+    assert np.abs(small[black].astype(float) - truth[black]).mean() < 25
+
+
+def test_obj_files_get_a_material_file_of_their_own(tmp_path):
+    blocks = model()
+    pixels = picture(blocks)
+    source = write_obj(tmp_path, blocks, pixels)
+    assert repair(source, tmp_path / "out.obj", "--picture", tmp_path / "seen.png") == 0
+    found, notes = images_of(tmp_path / "out.obj", ObjFile)
+    assert not notes
+    assert (found["color"] != pixels).any()
+    assert "out.obj.0.png" in (tmp_path / "out.obj.mtl").read_text()
+    assert (np.asarray(Image.open(tmp_path / "tex.png")) == pixels).all()
+    seen = np.asarray(Image.open(tmp_path / "seen.png"))
+    assert seen.shape == (512, 1024, 3)
+    assert (seen[:, :512] != seen[:, 512:]).any()
+    assert len(np.unique(seen[:, :512].reshape(-1, 3), axis=0)) > 100
+
+
+def test_the_shape_is_repaired_on_request(tmp_path):
+    blocks = model()
+    source = write_obj(tmp_path, blocks, picture(blocks))
+    assert repair(source, tmp_path / "a.obj", "--geometry", "both") == 0
+    assert repair(source, tmp_path / "b.obj") == 0
+    given = ObjFile(source).vertices
+    assert (ObjFile(tmp_path / "b.obj").vertices == given).all()
+    assert ObjFile(tmp_path / "a.obj").vertices.shape == given.shape
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}, "are transformed"),
+        ({"texCoord": 1}, "other texture coordinates"),
+    ],
+)
+def test_what_cannot_be_read_is_said_and_leaves_no_output(tmp_path, capsys, change, words):
+    blocks = model()
+    write_glb(
+        tmp_path / "in.glb",
+        blocks,
+        [png(picture(blocks))],
+        pbrMetallicRoughness={"baseColorTexture": {"index": 0, **change}},
+    )
+    assert repair(tmp_path / "in.glb", tmp_path / "out.glb") == 1
+    assert words in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["in.glb"]
+
+
+def test_broken_images_get_a_sentence_and_leave_no_output(tmp_path, capsys):
+    blocks = model()
+    for data in (b"nonsense", png(picture(blocks))[:200]):
+        write_glb(
+            tmp_path / "in.glb",
+            blocks,
+            [data],
+            pbrMetallicRoughness={"baseColorTexture": {"index": 0}},
+        )
+        assert repair(tmp_path / "in.glb", tmp_path / "out.glb") == 1
+        assert "in.glb has no textures that can be repaired" in capsys.readouterr().err
+        assert [path.name for path in tmp_path.iterdir()] == ["in.glb"]
+
+
+def test_missing_images_and_other_formats_are_refused(tmp_path, capsys):
+    blocks = model()
+    source = write_obj(tmp_path, blocks, picture(blocks), "gone.png")
+    assert repair(source, tmp_path / "out.obj") == 1
+    assert "gone.png is not beside the model" in capsys.readouterr().err
+    assert repair(source, tmp_path / "out.glb") == 1
+    assert "models keep their format" in capsys.readouterr().err
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_jpeg_textures_are_stored_as_png(tmp_path):
+    blocks = model()
+    pixels = picture(blocks)
+    write_glb(
+        tmp_path / "in.glb",
+        blocks,
+        [png(pixels, "JPEG")],
+        pbrMetallicRoughness={"baseColorTexture": {"index": 0}},
+    )
+    assert repair(tmp_path / "in.glb", tmp_path / "out.glb") == 0
+    groups, _ = GltfFile(tmp_path / "out.glb").read_maps()
+    assert groups[0].images[0].data.startswith(b"\x89PNG")

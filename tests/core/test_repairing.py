@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of repairing textures: each step does its own, and nothing where nothing is to do."""
+
+import numpy as np
+import pytest
+from atlases import Blocks
+from shock_filter import core
+
+KEEP = {"blocks": 0, "denoise": 0, "fill": "nothing", "stitch": "nothing", "sharpen": 0}
+
+
+def smooth(n=48):
+    y, x = (np.mgrid[:n, :n] + 0.5) / n * np.pi
+    values = [np.cos(2 * x + c) * np.cos(3 * y - c) for c in range(3)]
+    return (0.5 + 0.3 * np.stack(values, axis=-1)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def model():
+    blocks = Blocks(smooth(), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image = np.rint(255 * blocks.texture()).astype(np.uint8)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=image.shape[:2])
+    image = core.dilate_texture(mesh, blocks.uv, image, atlas=atlas)
+    return mesh, blocks.uv, image, atlas
+
+
+def around(mesh, atlas, share):
+    """Texels of faces around a place, by a share of the way through the mesh."""
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    low, high = middles.min(axis=0), middles.max(axis=0)
+    far = np.linalg.norm(middles - (low + share * (high - low)), axis=1)
+    faces = atlas.masks().face
+    return (far < 0.15 * (high - low).max())[faces] & (faces >= 0)
+
+
+def off(atlas, found, image):
+    return float(np.abs(found.astype(float) - image)[atlas.inside].mean())
+
+
+def test_what_needs_nothing_stays_bit_for_bit_in_its_charts(model):
+    mesh, uv, image, atlas = model
+    settings = core.RepairSettings(stitch="nothing")
+    result = core.repair_texture(mesh, uv, image, settings, atlas=atlas)
+    assert (result[atlas.inside] == image[atlas.inside]).all()
+    result = core.repair_texture(mesh, uv, image, atlas=atlas)
+    assert (result != image).any(axis=2)[atlas.inside].mean() < 0.02  # texels at seams
+    result = core.repair_texture(mesh, uv, image, core.RepairSettings(**KEEP), atlas=atlas)
+    assert (result[atlas.inside] == image[atlas.inside]).all()
+
+
+def test_unseen_faces_are_filled_and_noise_goes(model):
+    mesh, uv, image, atlas = model
+    rng = np.random.default_rng(0)
+    spoiled = np.clip(image + rng.normal(0, 8, image.shape), 0, 255).round().astype(np.uint8)
+    spoiled[around(mesh, atlas, 0.5)] = 0
+    before = off(atlas, spoiled, image)
+    calm = core.repair_texture(mesh, uv, spoiled, core.RepairSettings(**KEEP | {"denoise": 1}))
+    full = core.repair_texture(mesh, uv, spoiled, core.RepairSettings(sharpen=0))
+    assert off(atlas, full, image) < off(atlas, calm, image) < before
+
+
+def test_only_what_the_colors_lack_is_filled_in_other_maps(model):
+    mesh, uv, image, atlas = model
+    hole, meant = around(mesh, atlas, 0.3), around(mesh, atlas, 0.8)
+    color, rough = image.copy(), np.full(image.shape[:2], 200, dtype=np.uint8)
+    color[hole] = 0
+    rough[hole | meant] = 0
+    settings = core.RepairSettings(**KEEP | {"fill": "auto"})
+    _, found = core.repair_textures(mesh, uv, [color, rough], settings)
+    assert (found[meant & atlas.inside] == 0).all()
+    assert (found[hole & atlas.inside] > 190).all()
+
+
+def test_maps_of_other_sizes_and_normals_are_enlarged_together(model):
+    mesh, uv, image, _ = model
+    flat = np.zeros((24, 24, 3), dtype=np.uint8)
+    flat[:] = 128, 128, 255
+    settings = core.RepairSettings(enlarge=2)
+    found = core.repair_textures(mesh, uv, [image, flat], settings, contents=["values", "normals"])
+    assert [len(each) for each in found] == [2 * len(image), 48]
+    assert (np.abs(found[1].astype(int) - (128, 128, 255)) <= 1).all()
+
+
+def test_contents_must_be_as_many_as_images(model):
+    mesh, uv, image, _ = model
+    with pytest.raises(core.InvalidSignal, match="give one of each"):
+        core.repair_textures(mesh, uv, [image], contents=["values", "normals"])
+
+
+def test_what_is_black_all_over_is_meant(model):
+    mesh, uv, image, atlas = model
+    black = np.zeros(image.shape[:2], dtype=np.uint8)
+    assert (core.repair_texture(mesh, uv, black, atlas=atlas) == 0).all()
+
+
+def test_a_run_can_be_cancelled(model):
+    mesh, uv, image, _ = model
+    with pytest.raises(core.Cancelled):
+        core.repair_texture(mesh, uv, image, progress=lambda fraction, _: fraction < 0.3)
