@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..registry import FILTERS, MASK, Filter, Kind
-from ..settings import MaskSettings, ModelSettings
+from ..settings import BakeSettings, MaskSettings, ModelSettings
 
 if TYPE_CHECKING:
     import argparse
@@ -59,6 +59,25 @@ REPAIR_MODEL = Command(
     takes_mask=False,
 )
 """Only outside Blender, where models with their textures are files."""
+
+
+def _bake_file() -> Any:
+    from ..files.baking import bake_file
+
+    return bake_file
+
+
+BAKE_MAPS = Command(
+    "bake_maps",
+    "files.baking",
+    BakeSettings,
+    Kind("bake", "mesh file with texture coordinates", is_drawn=True),
+    "bake-maps",
+    "bake a map of a mesh, or of a detailed mesh onto a simple one",
+    _bake_file,
+    takes_mask=False,
+)
+"""Only outside Blender, where both meshes are files."""
 
 
 class Backend(Protocol):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE, Kind
 from ..settings import named, value_of
 from . import flows
-from .commands import COMMANDS, MODEL, REPAIR_MODEL, Command
+from .commands import BAKE_MAPS, COMMANDS, MODEL, REPAIR_MODEL, Command
 from .inputs import FileName
 from .parsing import add_gain_map, add_mask, add_others, add_sources, sources_of
 
@@ -33,6 +33,8 @@ _FORMATS = {
     " files, and PLY files with texture coordinates and vectors at their vertices",
     MODEL: "GLB, glTF and OBJ files with PNG, JPEG, WebP, TIFF or BMP textures; what is repaired is"
     " stored as PNG",
+    BAKE_MAPS.kind: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold floats, PNG 16 bits;"
+    " the detailed mesh may also be an STL or OFF file",
     MASK: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold numbers, -1 for none, all others"
     " a picture",
 }
@@ -42,7 +44,7 @@ class FileBackend:
     """Files outside Blender."""
 
     prog = "shock-filter"
-    offered = (*COMMANDS, REPAIR_MODEL)
+    offered = (*COMMANDS, REPAIR_MODEL, BAKE_MAPS)
 
     def formats(self, command: Command) -> str:
         """Name the files that a command reads and writes."""
@@ -87,6 +89,16 @@ class FileBackend:
                 metavar="FILE",
                 help="also draw the model before and after; of several inputs, each gets its name"
                 " in front of this one",
+            )
+        if command is BAKE_MAPS:
+            from ..files.baking import MAPS
+
+            parser.add_argument("--map", choices=MAPS, required=True, help="what to bake")
+            parser.add_argument(
+                "--high",
+                type=FileName,
+                metavar="FILE",
+                help="detailed mesh in the same place, of which the map is",
             )
         if command.takes_mask:
             of_meshes = (
@@ -136,6 +148,10 @@ class FileBackend:
         if command.kind is MODEL:
             picture = options.picture and _beside(options.picture, source, len(options.inputs))
             return command.load()(source, target, settings, asked, picture=picture)
+        if command is BAKE_MAPS:
+            size = options.size or options.like
+            words = {"high": options.high, "size": size, "settings": settings}
+            return command.load()(source, target, options.map, options=asked, **words)
         if command.kind is MASK:
             size = options.size or options.like
             return command.load()(source, target, settings.kind, size, asked)

@@ -3,8 +3,10 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 from shapes import grid, icosphere
 from shock_filter import core
+from shock_filter.core import cli
 
 SIZE = 48, 48
 
@@ -106,3 +108,35 @@ def test_wrong_input_and_cancelling():
         core.bake_maps(low, uv, size=SIZE, maps=["colors"], high=high, colors=[[1, 2, 3]])
     with pytest.raises(core.Cancelled):
         core.bake_maps(low, uv, size=SIZE, progress=lambda *_: False)
+
+
+def write_obj(path, mesh, uv=None):
+    lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in mesh.vertices]
+    corner = [[f"{v + 1}" for v in face] for face in mesh.faces]
+    if uv is not None:
+        lines += [f"vt {u:.9f} {v:.9f}" for u, v in uv.reshape(-1, 2)]
+        corner = [
+            [f"{v}/{3 * number + k + 1}" for k, v in enumerate(face)]
+            for number, face in enumerate(corner)
+        ]
+    path.write_text("\n".join([*lines, *(f"f {' '.join(face)}" for face in corner)]) + "\n")
+
+
+def test_files_get_the_maps_of_the_functions(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    low, high, uv = sheets(0.08)
+    write_obj(tmp_path / "low.obj", low, uv)
+    write_obj(tmp_path / "high.obj", high)
+    words = ["bake-maps", "low.obj", "--size", "48x48", "--high", "high.obj"]
+    assert cli.main([*words, "height.npy", "--map", "displacement"]) == 0
+    wanted = core.bake_maps(low, uv, size=SIZE, maps=["displacement"], high=high)["displacement"]
+    np.testing.assert_allclose(np.load("height.npy")[::-1], wanted, atol=1e-6)
+    assert cli.main([*words, "normals.png", "--map", "normals"]) == 0
+    with Image.open("normals.png") as image:
+        assert image.size == (48, 48)
+    capsys.readouterr()
+    assert cli.main([*words, "height.png", "--map", "displacement"]) == 1
+    assert "--look gray" in capsys.readouterr().err
+    assert cli.main([*words[:4], "normals.npy", "--map", "normals"]) == 1
+    assert "--high" in capsys.readouterr().err
+    assert not (tmp_path / "height.png").exists() and not (tmp_path / "normals.npy").exists()

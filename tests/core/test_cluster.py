@@ -183,6 +183,7 @@ WORDS = {
     "dilate-texture": "mesh.obj a.png out.png",
     "texture-mask": "mesh.obj out.png --like a.png",
     "repair-model": "model.obj out.obj --sharpen 0",
+    "bake-maps": "mesh.obj out.npy --map normals --high mesh.obj --like a.png",
 }
 """What each command is given, with all kinds of files that flags name: in the client's folder."""
 

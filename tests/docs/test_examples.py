@@ -19,7 +19,7 @@ RUN = [example for example in ALL if example.reason is None]
 SHELL = [example for example in RUN if example.language == "sh"]
 COMMAND = re.compile(
     r"\b(?:(?:sharpen|denoise|dilate|filter|stitch|fill|make|remove|texture|geodesic|surface"
-    r"|curvature|ambient|visualize)-\w+|thickness|wear)\b"
+    r"|curvature|ambient|visualize|enlarge|repair|bake)-\w+|thickness|wear)\b"
 )
 SIMPLE = re.compile(r"(shock-filter [\w./*\" -]+\n)+")
 PYTHON = [example for example in RUN if example.language == "python" and not example.in_blender]

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps baked from mesh files, also from a detailed mesh onto a simple one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..atlas import TextureAtlas
+from ..base.progress import phase, reporting
+from ..errors import ShockError
+from ..maps.baking import SIGNED, bake_maps
+from ..mesh.triangle_mesh import TriangleMesh
+from ..mesh.weld import weld
+from ..settings import BakeSettings
+from .fields import field_outcome, field_pixels
+from .formats.mesh.trimesh import SceneFile
+from .image_formats import image_size
+from .images import write_image_file
+from .meshes import IN_PLACE, read_document
+from .output import DEFAULTS, Options, Outcome
+from .textures import RAW, read_textured_mesh
+
+MAPS = ("normals", "displacement", "curvature", "occlusion", "bent_normals", "thickness")
+"""Those of `bake_maps` that need no colors."""
+
+
+def bake_file(
+    mesh: str | Path,
+    target: str | Path,
+    name: str,
+    high: str | Path | None,
+    size: tuple[int, int] | str | Path,
+    settings: BakeSettings,
+    options: Options = DEFAULTS,
+) -> Outcome:
+    """Bake a map of a mesh file, and write it as an image.
+
+    Parameters
+    ----------
+    mesh, target, size, options
+        As in :func:`shock_filter.core.files.fields.field_file`.
+    name : str
+        One of `MAPS`.
+    high : path, optional
+        The file of the detailed mesh of which the map is.
+    settings : BakeSettings
+
+    Raises
+    ------
+    ShockError
+        If a file cannot be read or written, or the map needs a detailed mesh.
+    """
+    target = Path(target)
+    if high is None and name in ("normals", "displacement"):
+        raise ShockError(f"A map of {name} is that of a detailed mesh; name its file with --high.")
+    if name in SIGNED and settings.look == "values" and target.suffix.lower() not in RAW:
+        raise ShockError(
+            f"Values of {name} may be negative, and {target.suffix} files hold 0 to 1; choose"
+            " --look gray, or write .npy, .tif or .exr."
+        )
+    height, width = size if isinstance(size, tuple) else image_size(size, options.any_size)
+    surface = read_textured_mesh(mesh, options.material, options.any_size)
+    detailed = None if high is None else _read_detailed(Path(high), options.any_size)
+    with reporting(options.progress):
+        with phase(0.0, 0.1, "Finding the charts"):
+            atlas = TextureAtlas(surface.mesh, surface.uv, size=(height, width))
+        with phase(0.1, 1.0, "Baking maps"):
+            values = bake_maps(
+                surface.mesh, surface.uv, settings, size=(height, width), maps=[name],
+                high=detailed, atlas=atlas,
+            )[name]  # fmt: skip
+    depth = np.uint16 if target.suffix.lower() == ".png" else np.uint8
+    pixels = field_pixels(values, atlas.inside, target, depth)
+    write_image_file(target, np.ascontiguousarray(pixels[::-1]), options.overwrite)
+    notes = (*surface.notes, *atlas.report.sentences())
+    return field_outcome(values.reshape(height, width, -1).mean(axis=2), atlas.inside, notes)
+
+
+def _read_detailed(path: Path, any_size: bool) -> TriangleMesh:
+    document = read_document(path, IN_PLACE.get(path.suffix.lower(), SceneFile), any_size)
+    first, index = weld(document.vertices)
+    return TriangleMesh(document.vertices[first], index[document.faces])
