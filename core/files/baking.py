@@ -16,10 +16,11 @@ from ..mesh.weld import weld
 from ..settings import BakeSettings
 from .fields import field_outcome, field_pixels
 from .formats.mesh.trimesh import SceneFile
-from .image_formats import image_size
+from .image_formats import FORMATS, image_size
 from .images import write_image_file
 from .meshes import IN_PLACE, read_document
-from .output import DEFAULTS, Options, Outcome
+from .output import DEFAULTS, Options, Outcome, check_free
+from .reading import check_target
 from .textures import RAW, read_textured_mesh
 
 MAPS = ("normals", "displacement", "curvature", "occlusion", "bent_normals", "thickness")
@@ -53,6 +54,8 @@ def bake_file(
         If a file cannot be read or written, or the map needs a detailed mesh.
     """
     target = Path(target)
+    check_target(target, FORMATS)
+    check_free(target, options.overwrite)
     if high is None and name in ("normals", "displacement"):
         raise ShockError(f"A map of {name} is that of a detailed mesh; name its file with --high.")
     if name in SIGNED and settings.look == "values" and target.suffix.lower() not in RAW:

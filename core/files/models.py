@@ -22,12 +22,12 @@ from ..settings import ModelSettings, RepairSettings, describe
 from .document import Floats
 from .formats.image.image_file import ImageFile
 from .formats.mesh.gltf import GltfFile
-from .formats.mesh.maps import COLOR, NORMALS, MapGroup, MapImage, TexturedDocument
+from .formats.mesh.maps import COLOR, NORMALS, OPACITY, MapGroup, MapImage, TexturedDocument
 from .formats.mesh.obj import ObjFile
 from .image_formats import FORMATS, Pixels, check_format, read_pixels
 from .images import write_image_file
 from .meshes import filtered, read_back, read_document
-from .output import DEFAULTS, Options, Outcome, staged
+from .output import DEFAULTS, Options, Outcome, check_free, staged
 from .reading import check_ending, check_target, reading
 
 MODELS: dict[str, Callable[[Path], TexturedDocument]] = {
@@ -83,8 +83,11 @@ def repair_model_file(
     reader = MODELS[source.suffix.lower()]
     if MODELS[target.suffix.lower()] is not reader:
         raise ShockError(f"{target}: models keep their format; end it in {source.suffix}.")
+    check_free(target, options.overwrite)
     if picture is not None:
-        _check_picture(Path(picture), options.overwrite)
+        check_target(Path(picture), FORMATS)
+        check_free(Path(picture), options.overwrite)
+    how = RepairSettings(**{name: getattr(settings, name) for name in describe(RepairSettings)})
     document = read_document(source, reader, options.any_size)
     with reading(source, options.any_size):
         groups, left = document.read_maps()
@@ -102,13 +105,13 @@ def repair_model_file(
                 with phase(number / len(groups), (number + 1) / len(groups), "Repairing textures"):
                     maps, more = _read_maps(source, group, options.any_size)
                     notes += more
-                    results, refused = _repaired(document, uv, group, maps, settings)
-                notes += refused
-                for each, result in zip(maps, results, strict=True):
-                    count += 1
+                    results, more = _repaired(document, uv, group, maps, how)
+                notes += more
+                count += len(results)
+                for each, result in zip(maps, results, strict=False):
                     if result.shape != each.pixels.shape or (result != each.pixels).any():
                         new[each.image.key] = _encoded(source, result)
-                if maps and maps[0].image.part == COLOR:
+                if maps and maps[0].image.part == COLOR and group.faces.any():
                     shown = _corners(document.vertices, document, group), uv[group.faces]
                     before.append(Painted(*shown, maps[0].pixels))
                     later = _corners(positions, document, group)
@@ -120,17 +123,14 @@ def repair_model_file(
         notes += document.save_maps(path, positions, moved, new)
         read_back(document, path, positions)
     if picture is not None and before:
-        write_image_file(Path(picture), side_by_side([before, after]), options.overwrite)
+        try:
+            write_image_file(Path(picture), side_by_side([before, after]), options.overwrite)
+        except (ShockError, OSError) as error:
+            notes.append(f"the picture was not written: {error}")
     done = "repaired {changed} of {total} textures"
     if settings.geometry != "keep":
         done += f", moved {np.count_nonzero(moved)} of {len(moved)} vertices"
     return Outcome(count, len(new), tuple(dict.fromkeys(notes)), done)
-
-
-def _check_picture(path: Path, overwrite: bool) -> None:
-    check_target(path, FORMATS)
-    if path.exists() and not overwrite:
-        raise ShockError(f"{path} exists already; add --overwrite or choose another picture.")
 
 
 def _shaped(
@@ -186,31 +186,44 @@ def _repaired(
     uv: Floats,
     group: MapGroup,
     maps: list[_Map],
-    settings: ModelSettings,
+    settings: RepairSettings,
 ) -> tuple[list[Pixels], list[str]]:
-    # The maps of a group; or these as they are, and a sentence why.
+    # The maps of a group, none if it cannot be repaired; and sentences on what was not done.
     if not maps:
         return [], []
+    notes: list[str] = []
+    fill = settings.fill
+    if fill == "auto" and any(each.image.is_cut_out for each in maps):
+        fill = "unseen"  # transparent texels are meant
+    if fill != "nothing" and maps[0].image.part != COLOR:
+        fill = "nothing"
+        notes.append(f"{_names(maps)}: nothing was filled, as there is no map of colors with them")
+    # A map of opacity is black where nothing is shown.
+    opacity = [each for each in maps if each.image.part == OPACITY]
+    others = [each for each in maps if each.image.part != OPACITY]
+    found: dict[Hashable, Pixels] = {}
     faces = weld_borders(document.vertices, document.faces[group.faces])
-    images = [each.pixels for each in maps]
-    common = {name: getattr(settings, name) for name in describe(RepairSettings)}
     try:
         mesh = TriangleMesh(document.vertices, faces)
-        return (
-            repair_textures(
-                mesh,
-                uv[group.faces],
-                images,
-                RepairSettings(**common),
-                contents=[each.content for each in maps],
-            ),
-            [],
-        )
+        for some, what in ((others, fill), (opacity, "nothing")):
+            if some:
+                results = repair_textures(
+                    mesh,
+                    uv[group.faces],
+                    [each.pixels for each in some],
+                    settings.changed(fill=what),
+                    contents=[each.content for each in some],
+                )
+                found |= zip([each.image.key for each in some], results, strict=True)
     except Cancelled:
         raise
     except ShockError as error:
-        names = ", ".join(each.image.name for each in maps)
-        return images, [f"{names}: left as they were. {error}"]
+        return [], [f"{_names(maps)}: left as they were. {error}"]
+    return [found[each.image.key] for each in maps], notes
+
+
+def _names(maps: list[_Map]) -> str:
+    return ", ".join(each.image.name for each in maps)
 
 
 def _corners(positions: Floats, document: TexturedDocument, group: MapGroup) -> Floats:

@@ -215,6 +215,12 @@ def _check_writable(folder: Path) -> None:
         raise ShockError(f"Cannot write to the folder {folder}; choose another output.")
 
 
+def check_free(place: Path, overwrite: bool) -> None:
+    """Refuse a file that exists unless it may be replaced, before anything is computed."""
+    if place.exists() and not overwrite:
+        raise _exists(place)
+
+
 def _exists(place: Path) -> ShockError:
     return ShockError(f"{place} exists already; add --overwrite or choose another output.")
 

@@ -13,9 +13,9 @@ from ..atlas import TextureAtlas
 from ..base.checks import LARGEST, SCALES, by_keyword, checked_image, checked_weights
 from ..base.findings import tell
 from ..base.progress import ProgressCallback, phase, reporting
-from ..color.image_sharpening import measure_image
+from ..color.by_width.measuring import measured
 from ..errors import InvalidSignal
-from ..grid.channels import opacity_channel
+from ..grid.channels import channel_groups, opacity_channel
 from ..grid.resize import resized
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import (
@@ -24,7 +24,6 @@ from ..settings import (
     DilateSettings,
     EnlargeSettings,
     FillSettings,
-    ImageSettings,
     RepairSettings,
     StitchSettings,
     TextureSettings,
@@ -33,7 +32,8 @@ from ..settings import (
 from ..texture.denoising import beltrami_texture
 from ..texture.sharpening import dilate_texture, sharpen_texture
 from ..texture.stitching import stitch_textures
-from ..texture.texels import check_content, checked_atlas
+from ..texture.texels import check_content, checked_atlas, values_of
+from ..texture.textures_by_width import nodes_inside
 from .blocks import remove_blocks
 from .enlarging import enlarge_texture
 from .filling import fill_texture
@@ -83,6 +83,9 @@ def repair_texture(
     mesh, uv, image, progress, atlas
         As in `sharpen_texture`.
     settings : RepairSettings, optional
+        By default, texels of opacity 0 inside charts are missing, as where photogrammetry saw
+        nothing. Fill "unseen" leaves all opacity as it is, as of leaves that are cut out. The
+        gutter is in texels of the result.
     missing : (h, w) array of float in [0, 1], optional
         1 where a texel is missing, in place of what `settings.fill` says.
     normals : (m, 3, 3) array of float, optional
@@ -222,7 +225,10 @@ def _repaired(
         clean = _without_noise(surface, clean, settings, weights)
     with phase(0.3, 0.6, "Filling"):
         if (weights > 0).any():
-            clean = _filled(surface, clean, settings, weights)
+            filled = _filled(surface, clean, settings, weights)
+            clean = (
+                filled if missing is not None else _with_opacity(surface, filled, clean, settings)
+            )
     with phase(0.6, 0.8, "Bringing seams together"):
         if settings.stitch != "nothing":
             clean = _stitched(surface, clean, settings)
@@ -254,6 +260,8 @@ def _missing(
     found = missing_texels(surface.atlas, pixels, alpha, None, how) * inside
     if settings.fill != "opacity" and not found.any() and (clean != image).any():
         found = unseen_texels(surface.atlas, pixels, alpha, was_compressed=True) * inside * 1.0
+    if settings.fill == "unseen" and alpha >= 0:  # what is cut out has no color
+        found = found * (pixels[..., alpha] > 0)
     if found[inside].all():  # black is meant, or nobody knows better
         return np.zeros(image.shape[:2])
     return found if limit is None else found * limit
@@ -296,6 +304,17 @@ def _filled(
     )
 
 
+def _with_opacity(
+    surface: _Surface, filled: npt.NDArray, image: npt.NDArray, settings: RepairSettings
+) -> npt.NDArray:
+    # Texels that were not wholly transparent keep their opacity.
+    alpha = _alpha_of(image, settings)
+    if alpha >= 0:
+        keep = surface.atlas.inside & (image[..., alpha] > 0)
+        filled[..., alpha][keep] = image[..., alpha][keep]
+    return filled
+
+
 def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -> npt.NDArray:
     how = StitchSettings(
         gutter=settings.gutter,
@@ -309,10 +328,17 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
     )
     if settings.stitch == "everywhere":
         return result
+    scale = SCALES[image.dtype.name]
     old, new = (each.reshape(*image.shape[:2], -1).astype(np.float32) for each in (image, result))
-    far = np.abs(new - old).max(axis=2, keepdims=True) * SCALES[image.dtype.name] / _STEP
+    far = np.abs(new - old).max(axis=2, keepdims=True) * scale / _STEP
     mixed = old + (new - old) / (1 + far**4)
-    return _stored(mixed, image)
+    if settings.content != "values":  # mixtures of normals are shorter
+        normals = 2 * scale * mixed[..., :3] - 1
+        lengths = np.linalg.norm(normals, axis=2, keepdims=True)
+        mixed[..., :3] = (normals / np.maximum(lengths, 1e-6) + 1) / (2 * scale)
+    # Elsewhere texels keep their own bits, which single precision may not hold.
+    changed = (far > 0).reshape(*image.shape[:2], *[1] * (image.ndim - 2))
+    return np.where(changed, _stored(mixed, image), image)
 
 
 def _finished(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -> npt.NDArray:
@@ -322,18 +348,22 @@ def _finished(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
     if settings.enlarge > 1:  # which sharpens by itself
         larger = EnlargeSettings(factor=settings.enlarge, **words)
         return enlarge_texture(mesh, uv, image, larger, atlas=atlas)
-    amount = settings.sharpen * _blur(image, settings)
+    amount = settings.sharpen * _blur(atlas, image, settings)
     if amount > 0:
         sharper = TextureSettings(amount=amount, **words)
         return sharpen_texture(mesh, uv, image, sharper, atlas=atlas)
     return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
 
 
-def _blur(image: npt.NDArray, settings: RepairSettings) -> float:
-    # How much of the sharpening the borders need, by their measured width.
+def _blur(atlas: TextureAtlas, image: npt.NDArray, settings: RepairSettings) -> float:
+    # How much of the sharpening the borders inside charts need, by their measured width.
     if settings.sharpen == 0:
         return 0.0
-    width = measure_image(image, ImageSettings(what="photo", alpha=settings.alpha)).borders.width
+    pixels = image.reshape(*image.shape[:2], -1)
+    how = TextureSettings(what="photo", alpha=settings.alpha)
+    values = values_of(atlas, pixels, _alpha_of(image, settings))
+    channels = channel_groups(pixels.shape[2], how)[0]
+    width = measured(values, channels, how, inside=nodes_inside(atlas)).borders.width
     share = float(np.interp(width, [_CRISP, _BLURRED, _WIDE, _GRADIENT], [0.0, 1.0, 1.0, 0.0]))
     if share == 0:
         tell("Borders are as crisp as texels allow; they were not sharpened.")

@@ -11,8 +11,10 @@ from atlases import Blocks
 from PIL import Image
 from shock_filter import core
 from shock_filter.core import cli
+from shock_filter.core.files import baking, models
 from shock_filter.core.files.formats.mesh.gltf import GltfFile
 from shock_filter.core.files.formats.mesh.obj import ObjFile
+from shock_filter.core.settings import ModelSettings
 
 
 def model(n=32):
@@ -215,3 +217,173 @@ def test_jpeg_textures_are_stored_as_png(tmp_path):
     assert repair(tmp_path / "in.glb", tmp_path / "out.glb") == 0
     groups, _ = GltfFile(tmp_path / "out.glb").read_maps()
     assert groups[0].images[0].data.startswith(b"\x89PNG")
+
+
+def write_two(path, blocks, images, first, second, change=None, part=None):
+    """Write a GLB file of two materials, of the same faces if no other part is given."""
+    write_glb(path, blocks, images, **first)
+    data = path.read_bytes()
+    length = struct.unpack("<I", data[12:16])[0]
+    tree, rest = json.loads(data[20 : 20 + length]), data[20 + length :]
+    tree["materials"].append(second)
+    if change is not None:
+        change(tree)
+    parts = tree["meshes"][0]["primitives"]
+    parts.append({**(part or parts[0]), "material": 1})
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + rest
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def colors(index, **more):
+    return {"pbrMetallicRoughness": {"baseColorTexture": {"index": index, **more}}}
+
+
+@pytest.mark.parametrize("mode", ["MASK", "BLEND"])
+def test_what_is_cut_out_stays_so(tmp_path, mode):
+    blocks = model()
+    pixels = picture(blocks, hole=False)
+    mask = (picture(blocks) == 0).all(axis=2) & (pixels > 0).any(axis=2)
+    pixels = np.dstack([pixels, np.where(mask, 0, 255).astype(np.uint8)])
+    write_glb(tmp_path / "in.glb", blocks, [png(pixels)], **colors(0), alphaMode=mode)
+    assert repair(tmp_path / "in.glb", tmp_path / "out.glb") == 0
+    found, _ = images_of(tmp_path / "out.glb")
+    assert mask.any()
+    assert (found["color"][mask][:, 3] == 0).all()
+    write_glb(tmp_path / "in.glb", blocks, [png(pixels)], **colors(0))
+    assert repair(tmp_path / "in.glb", tmp_path / "opaque.glb") == 0
+    found, _ = images_of(tmp_path / "opaque.glb")
+    assert (found["color"][mask][:, 3] > 0).any()
+
+
+def test_opacity_in_a_map_of_its_own_stays(tmp_path):
+    blocks = model()
+    pixels = picture(blocks)
+    source = write_obj(tmp_path, blocks, pixels)
+    opacity = np.where((pixels == 0).all(axis=2), 0, 255).astype(np.uint8)
+    (tmp_path / "clear.png").write_bytes(png(opacity))
+    with (tmp_path / "m.mtl").open("a") as file:
+        file.write("map_d clear.png\n")
+    assert repair(source, tmp_path / "out.obj", "--stitch", "nothing") == 0
+    found, _ = images_of(tmp_path / "out.obj", ObjFile)
+    black = unseen_texels_of(blocks, pixels)
+    assert (found["opacity"][black] == 0).all()
+    assert (found["color"][black] > 0).any()
+
+
+def unseen_texels_of(blocks, pixels):
+    return (pixels == 0).all(axis=2) & (picture(blocks, hole=False) > 0).any(axis=2)
+
+
+def test_nothing_is_filled_without_a_map_of_colors(tmp_path, capsys):
+    blocks = model()
+    pixels = picture(blocks)
+    write_glb(tmp_path / "in.glb", blocks, [png(pixels)], emissiveTexture={"index": 0})
+    words = ["repair-model", tmp_path / "in.glb", tmp_path / "out.glb", "--sharpen", "0"]
+    assert cli.main([*map(str, words), "--stitch", "nothing"]) == 0
+    assert "no map of colors" in "".join(capsys.readouterr())
+    found, _ = images_of(tmp_path / "out.glb")
+    assert (found["emission"][unseen_texels_of(blocks, pixels)] == 0).all()
+
+
+@pytest.mark.parametrize(
+    "change", [{"texCoord": 1}, {"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}]
+)
+def test_images_that_another_material_shows_elsewhere_stay(tmp_path, change):
+    blocks = model()
+    write_two(tmp_path / "in.glb", blocks, [png(picture(blocks))], colors(0), colors(0, **change))
+    groups, notes = GltfFile(tmp_path / "in.glb").read_maps()
+    assert not any(group.images for group in groups)
+    assert len(notes) == 2
+    assert repair(tmp_path / "in.glb", tmp_path / "out.glb") == 1
+    assert not (tmp_path / "out.glb").exists()
+
+
+def test_images_that_share_their_data_stay(tmp_path):
+    blocks = model()
+    image = png(picture(blocks))
+
+    def share(tree):
+        tree["images"][1]["bufferView"] = tree["images"][0]["bufferView"]
+
+    path = tmp_path / "in.glb"
+    write_two(path, blocks, [image, image], colors(0), colors(1), share)
+    groups, notes = GltfFile(path).read_maps()
+    assert not any(group.images for group in groups)
+    assert "another image shares its data" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "moves"),
+    [("-s 2 2 1", True), ("-clamp on -o 0.5", True), ("-s 1 1 1 -o 0 0 0 -bm 2", False)],
+)
+def test_moved_maps_of_obj_files_stay(tmp_path, options, moves):
+    blocks = model()
+    source = write_obj(tmp_path, blocks, picture(blocks), f"{options} tex.png")
+    groups, notes = ObjFile(source).read_maps()
+    assert any(group.images for group in groups) != moves
+    assert any("apply that first" in note for note in notes) == moves
+
+
+def test_what_is_refused_does_not_count_as_repaired(tmp_path, capsys, monkeypatch):
+    blocks = model()
+    write_glb(tmp_path / "in.glb", blocks, [png(picture(blocks))], **colors(0))
+
+    def refuse(*_, **__):
+        raise core.InvalidUV("Faces overlap.")
+
+    monkeypatch.setattr(models, "repair_textures", refuse)
+    assert repair(tmp_path / "in.glb", tmp_path / "out.glb") == 1
+    assert "Faces overlap" in capsys.readouterr().err
+    assert not (tmp_path / "out.glb").exists()
+
+
+def test_existing_targets_are_refused_before_anything_is_computed(tmp_path, monkeypatch):
+    blocks = model()
+    write_glb(tmp_path / "in.glb", blocks, [png(picture(blocks))], **colors(0))
+    (tmp_path / "out.glb").write_bytes(b"old")
+    monkeypatch.setattr(models, "repair_textures", None)
+    settings = ModelSettings()
+    with pytest.raises(core.ShockError, match="exists already"):
+        models.repair_model_file(tmp_path / "in.glb", tmp_path / "out.glb", settings)
+    monkeypatch.setattr(baking, "read_textured_mesh", None)
+    (tmp_path / "out.png").write_bytes(b"old")
+    for name, words in (("out.png", "exists already"), ("out.txt", "use one of")):
+        with pytest.raises(core.ShockError, match=words):
+            baking.bake_file(
+                tmp_path / "in.glb", tmp_path / name, "curvature", None, (8, 8),
+                core.BakeSettings(),
+            )  # fmt: skip
+
+
+def test_a_picture_that_cannot_be_written_is_a_note(tmp_path, monkeypatch):
+    blocks = model()
+    write_glb(tmp_path / "in.glb", blocks, [png(picture(blocks))], **colors(0))
+
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(models, "write_image_file", fail)
+    outcome = models.repair_model_file(
+        tmp_path / "in.glb", tmp_path / "out.glb", ModelSettings(sharpen=0.0),
+        picture=tmp_path / "seen.png",
+    )  # fmt: skip
+    assert any("disk full" in note for note in outcome.notes)
+    assert (tmp_path / "out.glb").exists()
+
+
+def test_materials_without_faces_have_no_part_in_the_picture(tmp_path):
+    blocks = model()
+
+    def add_empty(tree):
+        tree["accessors"] += [
+            {"componentType": 5126, "count": 1, "type": "VEC3", "min": [0] * 3, "max": [0] * 3},
+            {"componentType": 5126, "count": 1, "type": "VEC2"},
+        ]
+
+    image = png(picture(blocks))
+    path, empty = tmp_path / "in.glb", {"attributes": {"POSITION": 2, "TEXCOORD_0": 3}}
+    write_two(path, blocks, [image, image], colors(0), colors(1), add_empty, empty)
+    assert repair(path, tmp_path / "out.glb", "--picture", tmp_path / "seen.png") == 0
+    assert (tmp_path / "seen.png").exists()

@@ -4,7 +4,9 @@
 import numpy as np
 import pytest
 from atlases import Blocks
+from scipy.ndimage import gaussian_filter, minimum_filter
 from shock_filter import core
+from shock_filter.core.repair.repairing import _blur
 
 KEEP = {"blocks": 0, "denoise": 0, "fill": "nothing", "stitch": "nothing", "sharpen": 0}
 
@@ -98,3 +100,52 @@ def test_a_run_can_be_cancelled(model):
     mesh, uv, image, _ = model
     with pytest.raises(core.Cancelled):
         core.repair_texture(mesh, uv, image, progress=lambda fraction, _: fraction < 0.3)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float32", "float64"])
+def test_stitching_keeps_the_bits_of_texels_away_from_seams(model, kind):
+    mesh, uv, image, atlas = model
+    noise = np.random.default_rng(1).normal(0, 0.02, image.shape)
+    values = np.clip(image / 255 + noise, 0, 1)
+    spoiled = values.astype(kind)
+    if kind[0] == "u":
+        spoiled = np.rint(values * np.iinfo(kind).max).astype(kind)
+    settings = core.RepairSettings(**KEEP | {"stitch": "seams"})
+    result = core.repair_texture(mesh, uv, spoiled, settings, atlas=atlas)
+    assert result.dtype == spoiled.dtype
+    same = (result == spoiled).all(axis=2)
+    far = minimum_filter(atlas.inside, size=9)
+    assert far.any()
+    assert same[far].all()
+    assert not same[atlas.inside].all()
+
+
+def test_normals_have_unit_length_after_stitching(model):
+    mesh, uv, image, atlas = model
+    normals = np.random.default_rng(2).normal(0, 0.15, image.shape) + (0, 0, 1)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    settings = core.RepairSettings(**KEEP | {"stitch": "seams"}, content="normals")
+    result = core.repair_texture(mesh, uv, normals / 2 + 0.5, settings, atlas=atlas)
+    lengths = np.linalg.norm(2 * result - 1, axis=2)[atlas.inside]
+    assert (result != normals / 2 + 0.5)[atlas.inside].any()
+    assert np.abs(lengths - 1).max() < 1e-5
+
+
+def test_opacity_stays_where_only_unseen_faces_are_filled(model):
+    mesh, uv, image, atlas = model
+    hole, cut = around(mesh, atlas, 0.3), around(mesh, atlas, 0.8)
+    opacity = np.where(cut, 0, np.where(hole, 90, 255)).astype(np.uint8)
+    picture = np.dstack([image, opacity])
+    picture[hole | cut, :3] = 0
+    settings = core.RepairSettings(**KEEP | {"fill": "unseen"})
+    result = core.repair_texture(mesh, uv, picture, settings, atlas=atlas)
+    assert (result[..., 3] == opacity)[atlas.inside].all()
+    assert (result[hole & atlas.inside, :3] > 0).any(axis=1).all()
+
+
+def test_the_background_around_charts_does_not_decide_about_sharpening(model):
+    _, _, image, atlas = model
+    soft = gaussian_filter(np.where(atlas.inside, image[..., 0], 0).astype(float), 1.2)
+    flat = np.where(atlas.inside, 120, np.rint(soft)).astype(np.uint8)
+    settings = core.RepairSettings()
+    assert _blur(atlas, flat, settings) == 0

@@ -30,7 +30,14 @@ from ...document import (
 )
 from ...side_files import are_beside, copy_beside, find, is_absolute, located
 from ...staging import within
-from .gltf_maps import is_beside, material_images, replace_image, use_png, write_beside
+from .gltf_maps import (
+    is_beside,
+    material_images,
+    refused_images,
+    replace_image,
+    use_png,
+    write_beside,
+)
 from .gltf_tree import (
     DRACO,
     INSIDE,
@@ -195,8 +202,9 @@ class GltfFile(TexturedDocument):
                 mask[first : first + len(faces)] = True
             first += len(faces)
         uses, notes = [], []
+        refused = refused_images(self._tree)
         for number, mask in shown.items():
-            images, left = material_images(self._path, self._tree, self._buffers, number)
+            images, left = material_images(self._path, self._tree, self._buffers, number, refused)
             uses.append((mask, images))
             notes += left
         return grouped(uses), notes

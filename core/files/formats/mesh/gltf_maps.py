@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
@@ -29,12 +29,13 @@ _STARTS = {b"\x89PNG": ".png", b"\xff\xd8": ".jpg", b"RIFF": ".webp"}
 _GLOSS = "KHR_materials_pbrSpecularGlossiness"
 _TRANSFORM = "KHR_texture_transform"
 _IN_EXTENSIONS = ("EXT_texture_webp",)
+_ERRORS = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
 
 def material_images(
-    path: Path, tree: Tree, buffers: list[bytearray], number: int
+    path: Path, tree: Tree, buffers: list[bytearray], number: int, refused: Mapping[int, str]
 ) -> tuple[list[MapImage], list[str]]:
-    """Read the images of a material; sentences about those that cannot be read.
+    """Read the images of a material, but for refused ones; sentences about those left out.
 
     Raises
     ------
@@ -43,17 +44,46 @@ def material_images(
     """
     images: list[MapImage] = []
     notes: list[str] = []
-    for part, texture in _textures_of(tree["materials"][number]):
+    material = tree["materials"][number]
+    for part, texture in _textures_of(material):
         try:
-            images.append(_image(path, tree, buffers, part, texture))
+            image = _image(path, tree, buffers, part, texture, refused)
+            shown = part == COLOR and material.get("alphaMode", "OPAQUE") != "OPAQUE"
+            images.append(image._replace(is_cut_out=shown))
         except _Unreadable as reason:
-            notes.append(f"{part} of {_name(tree['materials'][number], number)}: {reason}")
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+            notes.append(f"{part} of {_name(material, number)}: {reason}")
+        except _ERRORS as error:
             raise ShockError(
                 f"{path}: materials[{number}] names a texture that cannot be read ({error!r});"
                 " repair the file, or export it again."
             ) from error
     return images, notes
+
+
+def refused_images(tree: Tree) -> dict[int, str]:
+    """Return the images that cannot be changed for one use alone, and why.
+
+    These are shown by other coordinates in some material, or share their data.
+    """
+    refused: dict[int, str] = {}
+    for material in tree.get("materials", []):
+        for _, texture in _textures_of(material):
+            try:
+                reason, number = _moved(texture), _number_of(tree, texture)
+            except _ERRORS:  # said where it is read
+                continue
+            if reason and number is not None:
+                refused[number] = f"in a material, {reason}"
+    images = tree.get("images", [])
+    views = [image.get("bufferView") for image in images]
+    for number, view in enumerate(views):
+        if view is None:
+            continue
+        if views.count(view) > 1:
+            refused[number] = "another image shares its data; export the model again"
+        elif "extensions" in tree["bufferViews"][_index(view)]:
+            refused[number] = "its data are compressed; export the model without compression"
+    return refused
 
 
 def replace_image(tree: Tree, buffers: list[bytearray], number: int, data: bytes) -> None:
@@ -63,10 +93,6 @@ def replace_image(tree: Tree, buffers: list[bytearray], number: int, data: bytes
     if "bufferView" not in image:
         image["uri"] = f"{INSIDE}image/png;base64,{base64.b64encode(data).decode()}"
         return
-    view = tree["bufferViews"][image["bufferView"]]
-    shared = [each for each in tree["images"] if each.get("bufferView") == image["bufferView"]]
-    if len(shared) > 1 or "extensions" in view:
-        raise ShockError("Two images share their data; export the model again.")
     _replace_view(tree, buffers, image["bufferView"], data)
 
 
@@ -115,18 +141,41 @@ def _textures_of(material: Tree) -> Iterator[tuple[str, Any]]:
                 yield part, place[key]
 
 
-def _image(path: Path, tree: Tree, buffers: list[bytearray], part: str, texture: Any) -> MapImage:
+def _moved(texture: Any) -> str:
+    # Why the first texture coordinates do not show where a texture is; empty if they do.
     if texture.get("texCoord", 0) != 0:
-        raise _Unreadable("it is shown by other texture coordinates than the first ones")
+        return "it is shown by other texture coordinates than the first ones"
     if _TRANSFORM in texture.get("extensions", {}):
-        raise _Unreadable("its texture coordinates are transformed")
+        return "its texture coordinates are transformed"
+    return ""
+
+
+def _number_of(tree: Tree, texture: Any) -> int | None:
+    # The image of a texture.
     entry = tree["textures"][_index(texture["index"])]
     number = entry.get("source")
     for name in _IN_EXTENSIONS:
         number = entry.get("extensions", {}).get(name, {}).get("source", number)
+    return None if number is None else _index(number)
+
+
+def _image(
+    path: Path,
+    tree: Tree,
+    buffers: list[bytearray],
+    part: str,
+    texture: Any,
+    refused: Mapping[int, str],
+) -> MapImage:
+    reason = _moved(texture)
+    if reason:
+        raise _Unreadable(reason)
+    number = _number_of(tree, texture)
     if number is None:
         raise _Unreadable("it is compressed for graphics cards (KTX); export it as PNG or JPEG")
-    image = tree["images"][_index(number)]
+    if number in refused:
+        raise _Unreadable(refused[number])
+    image = tree["images"][number]
     data = _data_of(path, tree, buffers, image)
     ending = next((end for start, end in _STARTS.items() if data.startswith(start)), "")
     ending = ending or _ENDINGS.get(image.get("mimeType", ""), "")

@@ -13,8 +13,9 @@ COLOR = "color"
 """The part of the map that leads: what is missing of it, others may lack, too."""
 
 NORMALS = "normals"
+OPACITY = "opacity"
 
-_FIRST = (COLOR, "opacity", NORMALS)
+_FIRST = (COLOR, OPACITY, NORMALS)
 
 
 class MapImage(NamedTuple):
@@ -32,6 +33,8 @@ class MapImage(NamedTuple):
         Of a file of its format, such as ``".png"``.
     data : bytes
         The image as a file.
+    is_cut_out : bool
+        Whether a material shows its opacity, which must stay then.
     """
 
     key: Hashable
@@ -39,6 +42,7 @@ class MapImage(NamedTuple):
     part: str
     ending: str
     data: bytes
+    is_cut_out: bool = False
 
 
 class MapGroup(NamedTuple):
@@ -70,6 +74,7 @@ class TexturedDocument(InPlaceDocument, Protocol):
 def grouped(uses: Sequence[tuple[Bools, list[MapImage]]]) -> list[MapGroup]:
     """Join materials, each with its triangles and images, that share an image."""
     groups: list[MapGroup] = []
+    cut_out = {image.key for _, images in uses for image in images if image.is_cut_out}
     for faces, images in uses:
         keys = {image.key for image in images}
         joined, apart = list(images), []
@@ -79,7 +84,9 @@ def grouped(uses: Sequence[tuple[Bools, list[MapImage]]]) -> list[MapGroup]:
                 continue
             faces = faces | group.faces
             joined = group.images + joined
-        known = {image.key: image for image in reversed(joined)}
+        known = {
+            image.key: image._replace(is_cut_out=image.key in cut_out) for image in reversed(joined)
+        }
         groups = [*apart, MapGroup(list(known.values()), faces)] if known else groups
     return [group._replace(images=sorted(group.images, key=_rank)) for group in groups]
 

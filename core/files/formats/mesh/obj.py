@@ -23,7 +23,7 @@ from ...document import (
 )
 from ...side_files import are_beside, copy_beside, find, is_absolute, located
 from ...staging import within
-from .maps import COLOR, NORMALS, MapGroup, MapImage, TexturedDocument, grouped
+from .maps import COLOR, NORMALS, OPACITY, MapGroup, MapImage, TexturedDocument, grouped
 
 _LARGEST_LIBRARY = 1 << 26  # bytes of a material file, which holds no images
 _LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
@@ -38,8 +38,9 @@ _PARTS = {
     b"map_pm": "metal",
     b"map_ke": "emission",
     b"map_ks": "gloss",
-    b"map_d": "opacity",
+    b"map_d": OPACITY,
 }
+_NEUTRAL = {b"-s": 1.0, b"-o": 0.0, b"-t": 0.0}
 
 
 class ObjFile(TexturedDocument):
@@ -173,6 +174,8 @@ class ObjFile(TexturedDocument):
         known = ~np.isnan(uv).any(axis=(1, 2))
         of_material: dict[str, dict[str, MapImage]] = {}
         notes: list[str] = []
+        cut_out: set[str] = set()
+        moved: set[str] = set()
         for line, material in self._material_lines():
             named = _named_file(self.path.parent, line, _IMAGES)
             part = _PARTS.get(line.split(None, 1)[0].lower()) if named else None
@@ -183,10 +186,25 @@ class ObjFile(TexturedDocument):
             if found is None:
                 notes.append(f"{part} of {material}: the file {name} is not beside the model")
                 continue
+            if part == OPACITY:
+                cut_out.add(name)
+            if _is_moved(line[: named[1]]):
+                moved.add(name)
+                notes.append(
+                    f"{part} of {material}: its texture coordinates are transformed; apply that"
+                    " first"
+                )
             image = MapImage(name, name, part, found.suffix.lower(), found.read_bytes())
             of_material.setdefault(material, {}).setdefault(name, image)
         uses = [
-            (known & (materials == material), list(images.values()))
+            (
+                known & (materials == material),
+                [
+                    image._replace(is_cut_out=name in cut_out)
+                    for name, image in images.items()
+                    if name not in moved
+                ],
+            )
             for material, images in of_material.items()
         ]
         return grouped([(faces, images) for faces, images in uses if faces.any()]), notes
@@ -319,6 +337,18 @@ def _named_file(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> tuple[
     if find(folder, name.decode("utf-8", "replace")) is None:
         name = name.split()[-1]
     return name, match.start(1) + match[1].rindex(name)
+
+
+def _is_moved(line: bytes) -> bool:
+    """Whether the options of a map, the words before its name, move it."""
+    neutral = None
+    for word in line.split():
+        try:
+            if neutral is not None and float(word) != neutral:
+                return True
+        except ValueError:  # another option
+            neutral = _NEUTRAL.get(word.lower())
+    return False
 
 
 def _with_relative_names(
