@@ -342,12 +342,14 @@ def _named_file(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> tuple[
 def _is_moved(line: bytes) -> bool:
     """Whether the options of a map, the words before its name, move it."""
     neutral = None
-    for word in line.split():
+    for word in line.lower().split():
         try:
-            if neutral is not None and float(word) != neutral:
-                return True
-        except ValueError:  # another option
-            neutral = _NEUTRAL.get(word.lower())
+            value = float(word)
+        except ValueError:  # an option
+            neutral = _NEUTRAL.get(word)
+            continue
+        if neutral is not None and value != neutral:
+            return True
     return False
 
 
