@@ -202,8 +202,8 @@ def _repaired(
     opacity = [each for each in maps if each.image.part == OPACITY]
     others = [each for each in maps if each.image.part != OPACITY]
     found: dict[Hashable, Pixels] = {}
-    faces = weld_borders(document.vertices, document.faces[group.faces])
     try:
+        faces = weld_borders(document.vertices, document.faces[group.faces])
         mesh = TriangleMesh(document.vertices, faces)
         for some, what in ((others, fill), (opacity, "nothing")):
             if some:
