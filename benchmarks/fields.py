@@ -223,7 +223,7 @@ def streaks(job: common.Job) -> None:
             )
             shown = Image.fromarray(np.rint(255 * row[::-1]).astype(np.uint8))
             about = "Streaks along the gradient of distance, and where the surface bends least."
-            shown = shown.resize((1600, 800), Image.Resampling.LANCZOS)
+            shown = shown.resize((1200, 600), Image.Resampling.LANCZOS)
             pictures = job.page.picture("streaks", shown, about)
     head = ["model", "directions", "mean angle, degrees", "deviation"]
     job.page.write("streaks", "\n\n".join([table(head, rows, 2), targets(goals)]) + pictures)

@@ -86,7 +86,7 @@ class FileBackend:
             parser.add_argument(
                 "--picture",
                 type=os.path.abspath,
-                metavar="FILE",
+                metavar="PICTURE",
                 help="also draw the model before and after; of several inputs, each gets its name"
                 " in front of this one",
             )

@@ -163,7 +163,8 @@ CALLS = {
         core.RepairSettings,
     ),
     "repair_textures": Call(
-        {**_TEXTURE, "images": [IMAGE, IMAGE], "normals": NORMALS},
+        {**_TEXTURE, "images": [IMAGE, IMAGE], "contents": ["values", "values"],
+         "normals": NORMALS},
         core.RepairSettings,
     ),
     "sharpen_corner_signal": Call(

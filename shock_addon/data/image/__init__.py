@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         images,
         linking,
         maps,
+        mixing,
         sequences,
         stand_in,
         textures,
