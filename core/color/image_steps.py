@@ -71,6 +71,7 @@ def sharpen_checked(
     target = result.reshape(*result.shape[:2], -1)
     if settings.enlarge == 1:
         _filter_into(target, pixels, settings, weights, lead, known, part)
+        _tell_opacity(pixels, target, settings, lead, part)
         return
     with phase(0.0, 0.1, "Enlarging"):
         large = large_pixels(pixels, settings)
@@ -96,6 +97,8 @@ def sharpen_checked(
                 alpha = opacity_channel(pixels.shape[2], settings.alpha)
                 put_pixels(pixels, squares, settings.enlarge, alpha, floats)
         _mix_into(floats, large, settings, weights)
+    if not learned and squares < 1:
+        _tell_opacity(large, floats, settings, lead, part)
     with aside("Sharpening"):
         scale = SCALES[given.dtype.name]
         for band in blocks(len(floats), BAND):
@@ -161,6 +164,22 @@ def _mix_into(
     if weights is not None or settings.amount < 1.0:
         with phase(1.0, 1.0, "Sharpening"):
             mix(pixels, _times_amount(weights, settings.amount, pixels), target)
+
+
+def _tell_opacity(
+    old: npt.NDArray,
+    new: npt.NDArray,
+    settings: ImageSettings,
+    lead: npt.NDArray | None,
+    part: Part | None,
+) -> None:
+    # Decided by the result, after it was mixed.
+    if part is not None:
+        old, new = old[part.rows, part.columns], new[part.rows, part.columns]
+    alpha = opacity_channel(old.shape[2], settings.alpha)
+    is_sharpened = settings.by_width and lead is None and alpha >= 0
+    if is_sharpened and not np.array_equal(old[..., alpha], new[..., alpha]):
+        tell_opacity()
 
 
 def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArray) -> npt.NDArray:
@@ -255,8 +274,6 @@ def _sharpen_into(
                 _flow_into(widened, pixels, channels, pixels, channels, settings, part)
     if settings.by_width and lead is None and alpha >= 0:
         _hide(pixels[..., alpha], widened[..., alpha])
-        if not np.array_equal(pixels[..., alpha], widened[..., alpha]):
-            tell_opacity()
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
 

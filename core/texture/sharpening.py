@@ -240,7 +240,7 @@ def _sharpened(
     surface = Surface(atlas) if are_learned(settings, normals) else None
     has_opacity = settings.by_width and not normals and texture.alpha >= 0
     if has_opacity:
-        opacity = values[nodes_inside(atlas)][:, texture.alpha]
+        opacity = values[..., texture.alpha][nodes_inside(atlas)]
         if (opacity[1:] != opacity[:-1]).any():
             groups = with_opacity(groups)
     for number, channels in enumerate(groups):
@@ -257,9 +257,9 @@ def _sharpened(
     if has_opacity:  # what was hidden has no color to show
         opacity, sharp = values[..., texture.alpha], result[..., texture.alpha]
         sharp[opacity == 0] = 0
-        if not np.array_equal(opacity, sharp):
-            tell_opacity()
     mix_texels(atlas, values, settings.amount, weights, result)
+    if has_opacity and not np.array_equal(opacity, sharp):
+        tell_opacity()
     return result
 
 

@@ -21,6 +21,9 @@ LIVE_COLORS = "shock_filter_live_colors"
 LIVE_TEXTURE = "shock_filter_live_texture"
 """Key of the version in the node group of live textures."""
 
+LIVE_RESULT_OF = "shock_filter_live_result_of"
+"""Key of the name of the mixing node among the properties of the node with its result."""
+
 LIVE_SOURCE = "shock_filter_source"
 """Key of the source of a live copy among the properties of the object."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import LIVE_TEXTURE
+from . import LIVE_RESULT_OF, LIVE_TEXTURE
 from .skipped import Skipped
 
 
@@ -20,7 +20,7 @@ def active_image(material: bpy.types.Material) -> bpy.types.Image:
     nodes = [
         node
         for node in image_nodes(material)
-        if node.image is not None and live_mix(node, "New") is None
+        if node.image is not None and not is_live_result(node)
     ]
     if not nodes:
         raise Skipped(
@@ -53,7 +53,7 @@ def colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImag
     for socket in ahead:
         for node in (link.from_node for link in socket.links):
             is_image = node.type == "TEX_IMAGE" and node.image is not None
-            if is_image and live_mix(node, "New") is None:
+            if is_image and not is_live_result(node):
                 found.append(node)
             ahead += [each for each in node.inputs if each.is_linked and each not in ahead]
     return found
@@ -76,8 +76,20 @@ def image_nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNodeTexIma
 
 def live_mix(node: bpy.types.ShaderNodeTexImage, name: str = "Old") -> bpy.types.Node | None:
     """Return the node of a live texture that reads an image by its input Old, or New."""
-    for link in node.outputs["Color"].links:
-        group = link.to_node.node_tree if link.to_node.type == "GROUP" else None
-        if group is not None and LIVE_TEXTURE in group and link.to_socket.name == name:
+    links = list(node.outputs["Color"].links)
+    for link in links:
+        if link.to_node.type == "REROUTE":
+            links += [each for each in link.to_node.outputs[0].links if each not in links]
+        elif _is_live_mix(link.to_node) and link.to_socket.name == name:
             return link.to_node
     return None
+
+
+def is_live_result(node: bpy.types.ShaderNodeTexImage) -> bool:
+    """Whether a node holds the result of a live texture, linked or not."""
+    mix = node.id_data.nodes.get(node.get(LIVE_RESULT_OF, ""))
+    return (mix is not None and _is_live_mix(mix)) or live_mix(node, "New") is not None
+
+
+def _is_live_mix(node: bpy.types.Node) -> bool:
+    return node.type == "GROUP" and node.node_tree is not None and LIVE_TEXTURE in node.node_tree

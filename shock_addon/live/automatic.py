@@ -32,6 +32,9 @@ _seen = 0.0
 _job: jobs.Job | None = None
 """That of the last update."""
 
+_updated = 0
+"""Uid of the copy of the last update."""
+
 _undone = -math.inf
 _is_allowed = True
 """Whether copies may update themselves: not in a file that was opened, until someone says so."""
@@ -90,29 +93,36 @@ def due() -> list[bpy.types.Object]:
 
 def run() -> None:
     """Update the first copy that is due."""
-    global _job
+    global _updated
     for obj in due()[:1]:
-        _refused.add(obj.session_uid)  # an error must not come again and again
+        _updated = obj.session_uid
+        _refused.add(_updated)  # an error must not come again and again
         try:
             window = bpy.context.window_manager.windows[0] if not bpy.app.background else None
             with bpy.context.temp_override(window=window) if window else nullcontext():
-                updating.update(obj, "INVOKE_DEFAULT")
-            _job = jobs.current()
+                updating.update(obj, "INVOKE_DEFAULT", began=_note_job)
         except RuntimeError as error:
             print(f"Shock Filter: {obj.name}: {error}")
+
+
+def _note_job() -> None:
+    global _job
+    _job = jobs.current()
 
 
 def _look() -> float:
     global _seen
     changed_at = data.live.watching.changed_at
     if changed_at != _seen:
+        changed = data.live.watching.changed_since(_seen)
         _seen = changed_at
-        if _job is not None and _job is jobs.current():
-            _job.cancel()  # its result would be out of date
         if changed_at - _undone > _AFTER_UNDO:
-            _refused.clear()
+            _refused.difference_update(changed)
         else:  # Blender evaluates after the handlers of undo
             _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
+        if _updated in changed and _job is not None and _job is jobs.current():
+            _job.cancel()  # its result would be out of date
+            _refused.discard(_updated)
     elapsed = time.monotonic() - changed_at
     if elapsed < _REST:
         return max(_REST - elapsed, 0.01)

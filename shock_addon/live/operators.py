@@ -47,10 +47,14 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
     def _update(self, objects: list[bpy.types.Object], how: str) -> set[str]:
         done = 0
         for obj in objects:
+            ended: set[str] = set()
             try:
-                done += updating.update(obj, how, obj == objects[-1]) != {"CANCELLED"}
+                ended = updating.update(obj, how, obj == objects[-1])
+                done += ended != {"CANCELLED"}
             except RuntimeError as error:
                 self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
+        if done and ended.isdisjoint({"FINISHED", "RUNNING_MODAL"}):  # it has added no step of undo
+            bpy.ops.ed.undo_push(message=self.bl_label)
         return {"FINISHED"} if done else {"CANCELLED"}
 
     def _objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -46,7 +46,7 @@ class OneImageOperator(FilterOperator):
         raise NotImplementedError
 
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
-        """Show a new image where `source` was shown."""
+        """Show an image, which is `source` if that was overwritten, where `source` was shown."""
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the named image, or the shown one."""
@@ -91,6 +91,8 @@ class OneImageOperator(FilterOperator):
         new = {number: part.colors for number, part in parts.items()}
         suffix = self.row.done.lower()
         is_changed = any(part.changed for part in parts.values())
+        if self.output == "REPLACE":
+            self.show(target, source, source)
         if not is_changed and (
             self.output == "REPLACE" or data.image.images.is_result(source, suffix)
         ):

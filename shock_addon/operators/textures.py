@@ -72,12 +72,19 @@ class TextureOperator(OneImageOperator):
         return tiles_of(target.mosaic, target.parts, result, levels)
 
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
-        """Show it in the materials, with Assign; beside the old one with Live."""
+        """Show it in the materials, with Assign; beside the old one with Live.
+
+        With Replace nothing is mixed with it any more.
+        """
         if self.output == "LIVE":
             mask = bpy.data.images.get(getattr(self, "mask_image", ""))
             is_inverted = getattr(self, "invert_mask", False)
             with data.mesh.meshes.object_mode(bpy.context):
                 data.image.mixing.show(target.objects, source, image, mask, is_inverted)
+        elif self.output == "REPLACE":
+            if data.image.mixing.remove(target.objects, source):
+                text = pgettext_rpt("The live mix of {name} in the materials was removed.")
+                self._notes.append(text.format(name=source.name))
         elif self.assign:
             data.image.mixing.remove(target.objects, source)
             # Texture Paint Mode looks for the materials' images when it is entered.

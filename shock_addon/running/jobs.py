@@ -43,6 +43,8 @@ class Job:
         Progress, 0 to 1.
     message : str
         The current step.
+    outcome : set of str
+        What the operator returned at the end of its run; empty before, and if it was dropped.
     """
 
     def __init__(self, work: Work) -> None:
@@ -50,6 +52,7 @@ class Job:
 
         self.fraction = 0.0
         self.message = "Preparing"
+        self.outcome: set[str] = set()
         self._cancelled = threading.Event()
         executor = ThreadPoolExecutor(1, thread_name_prefix="shock-filter-job")
         self._future = executor.submit(work, self._progress)
@@ -169,7 +172,8 @@ class ModalJob:
         if event.type == "TIMER":
             if wait.job.done and not is_scene_read():
                 wait.close(context)
-                return self.finish(context, wait.job.result)
+                wait.job.outcome = self.finish(context, wait.job.result)
+                return wait.job.outcome
             wait.show(context)
         return {"RUNNING_MODAL"} if _is_held_back(context, event) else {"PASS_THROUGH"}
 

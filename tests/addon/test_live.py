@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The output Live: a movement in attributes, and nodes that add it."""
 
+import time
 from types import SimpleNamespace
 
 import bmesh
@@ -479,13 +480,21 @@ def test_a_change_meanwhile_ends_an_update(joined_cubes, monkeypatch):
     automatic._look()
     job = SimpleNamespace(cancel=lambda: asked.append("cancel"))
     monkeypatch.setattr(automatic, "_job", job)
+    monkeypatch.setattr(automatic, "_updated", bpy.context.object.session_uid)
+    monkeypatch.setattr(automatic, "_refused", {bpy.context.object.session_uid})
+    monkeypatch.setattr(automatic, "_undone", time.monotonic())
     monkeypatch.setattr(automatic.jobs, "current", lambda: job)
     automatic._look()
     assert not asked
     operand.location.x = 0.7
     bpy.context.view_layer.update()
     assert automatic._look() == pytest.approx(0.3, abs=0.1)
-    assert asked == ["cancel"]
+    assert asked == ["cancel"] and not automatic._refused  # it comes again, after an undo too
+    monkeypatch.setattr(automatic, "_updated", -1)
+    operand.location.x = 0.8
+    bpy.context.view_layer.update()
+    automatic._look()
+    assert asked == ["cancel"]  # that of another copy goes on
 
 
 @pytest.mark.parametrize("how", ["object", "collection"])

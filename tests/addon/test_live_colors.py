@@ -2,6 +2,7 @@
 """Colors with the output Live: a difference in attributes, and nodes that add it."""
 
 import itertools
+from types import SimpleNamespace
 
 import bmesh
 import bpy
@@ -12,6 +13,7 @@ from shock_filter.shock_addon.data import DIFFERENCE, LIVE_COLORS, arrays
 from shock_filter.shock_addon.data.chosen import live_modifier, live_modifiers
 from shock_filter.shock_addon.data.live import graph, stacks
 from shock_filter.shock_addon.data.mesh.meshes import read_positions
+from shock_filter.shock_addon.live import updating
 
 sharpen = bpy.ops.shock_filter.sharpen_colors
 live = shock_filter.live
@@ -180,6 +182,50 @@ def test_shape_and_colors_are_live_beside_each_other(painted):
     np.testing.assert_array_equal(seen(box), stored(box.data))
     live.update(box)
     assert live.state(box) == "fresh"
+
+
+def both_live(painted):
+    box = painted()
+    bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+    sharpen(output="LIVE", **TIMES)
+    bpy.ops.ed.undo_push(message="Live")
+    return box
+
+
+@pytest.mark.parametrize("failing", [0, 1])
+def test_an_update_of_both_stops_where_one_is_cancelled(painted, monkeypatch, failing):
+    box, runs, steps = both_live(painted), [], []
+
+    def run(obj, recipe, how, is_undoable):
+        runs.append((how, is_undoable))
+        return {"CANCELLED"} if len(runs) == failing + 1 else {"FINISHED"}
+
+    push = SimpleNamespace(undo_push=lambda message: steps.append(message))
+    monkeypatch.setattr(updating, "_run", run)
+    monkeypatch.setattr(updating.bpy.ops, "ed", push)
+    assert updating.update(box, is_undoable=True) == {"CANCELLED"}
+    assert runs == [("EXEC_DEFAULT", False), ("EXEC_DEFAULT", True)][: failing + 1]
+    assert len(steps) == failing  # if the colors have changed
+
+
+@pytest.mark.parametrize("outcome", ["FINISHED", "CANCELLED"])
+def test_an_update_of_both_goes_on_when_the_first_run_ends(painted, monkeypatch, outcome):
+    box, runs, looks, job = both_live(painted), [], [], SimpleNamespace(outcome=set())
+
+    def run(obj, recipe, how, is_undoable):
+        runs.append((obj, recipe[0], how))
+        return {"RUNNING_MODAL"}
+
+    monkeypatch.setattr(updating, "_run", run)
+    monkeypatch.setattr(updating.jobs, "current", lambda: job)
+    monkeypatch.setattr(updating, "_start", lambda look: looks.append(look))
+    assert updating.update(box, "INVOKE_DEFAULT", True) == {"RUNNING_MODAL"}
+    assert len(runs) == len(looks) == 1 and looks[0]() > 0
+    monkeypatch.setattr(updating.jobs, "current", lambda: None)
+    job.outcome = {outcome}
+    assert looks[0]() is None
+    both = [(box, "sharpen_colors", "INVOKE_DEFAULT"), (box, "sharpen_geometry", "INVOKE_DEFAULT")]
+    assert runs == (both if outcome == "FINISHED" else both[:1])
 
 
 def test_applying_leaves_the_colors_and_nothing_else(painted):

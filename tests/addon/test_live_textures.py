@@ -5,7 +5,9 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon.data.image import images, mixing
-from shock_filter.shock_addon.data.materials import live_mix
+from shock_filter.shock_addon.data.live import graph
+from shock_filter.shock_addon.data.materials import active_image, live_mix
+from shock_filter.shock_addon.operators.base import summaries
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
 SIZE = 32
@@ -145,3 +147,68 @@ def test_other_filters_of_textures_have_it_too(wood, name):
     found = mixing.results(["Plane"], wood)
     assert [node.image for node in found] != [wood]
     assert node_of(wood).image == wood
+
+
+def replaced_link(name):
+    """Return the sockets that the input of a mix joins, after taking the link away."""
+    mix = live_mix(node_of(bpy.data.images["Wood"]))
+    (link,) = mix.inputs[name].links
+    ends = link.from_socket, link.to_socket
+    tree().links.remove(link)
+    return ends
+
+
+def test_replacing_takes_the_mix_away_and_undo_brings_it_back(wood):
+    nodes = [each.bl_idname for each in tree().nodes]
+    sharpen(output="LIVE")
+    bpy.ops.ed.undo_push(message="Live")
+    sharpen("EXEC_DEFAULT", True, image=wood.name, output="REPLACE")
+    assert any("live mix of Wood" in text for text in summaries.values())
+    assert [each.bl_idname for each in tree().nodes] == nodes
+    wood = bpy.data.images["Wood"]
+    np.testing.assert_allclose(baked(), images.read_pixels(wood)[..., :3], rtol=0, atol=2e-6)
+    bpy.ops.ed.undo()
+    assert live_mix(node_of(bpy.data.images["Wood"])) is not None
+
+
+@pytest.mark.parametrize("name", [mixing.OLD, mixing.NEW])
+@pytest.mark.parametrize("kind", ["", "NodeReroute", "ShaderNodeInvert", "ShaderNodeTexImage"])
+def test_a_mix_that_was_rewired_is_found_again(wood, name, kind):
+    if name == mixing.OLD and kind != "NodeReroute":
+        pytest.skip("what is not linked is not mixed")
+    before = len(tree().nodes)
+    sharpen(output="LIVE")
+    count, (first,) = len(tree().nodes), mixing.results(["Plane"], wood)
+    ahead, behind = replaced_link(name)
+    if kind:
+        between = tree().nodes.new(kind)
+        if kind != "ShaderNodeTexImage":
+            tree().links.new(ahead, between.inputs["Color" if len(between.inputs) > 1 else 0])
+        tree().links.new(between.outputs[0], behind)
+    sharpen(output="LIVE", image=wood.name, time=4.0)
+    assert len(tree().nodes) == count + bool(kind)
+    assert mixing.results(["Plane"], wood) == [first] and first.image != wood
+    assert mixing._reads(live_mix(node_of(wood)).inputs[mixing.NEW], first)
+    assert mixing.remove(["Plane"], wood)
+    assert len(tree().nodes) == before + bool(kind)
+    if kind:
+        assert between in list(tree().nodes)
+
+
+def test_results_that_are_not_linked_are_no_images_of_a_material(wood):
+    sharpen(output="LIVE")
+    replaced_link(mixing.NEW)
+    assert active_image(bpy.data.materials["Wood"]) == wood
+
+
+@pytest.mark.parametrize("room", [mixing, graph])
+def test_groups_that_could_not_be_built_are_not_used(monkeypatch, room):
+    def build(tree):
+        tree.nodes.new("NodeGroupInput")
+        raise RuntimeError("in the middle")
+
+    monkeypatch.setattr(mixing, "_build", build)
+    count = len(bpy.data.node_groups)
+    with pytest.raises(RuntimeError, match="middle"):
+        mixing._find_or_build() if room is mixing else graph.find_or_add("G", "key", 1, build)
+    assert len(bpy.data.node_groups) == count

@@ -472,3 +472,17 @@ def test_a_sun_changes_nothing_far_from_it():
     one, two = core.sharpen_image(image), core.sharpen_image(sunny)
     far = slice(300, None)
     assert rms(two[far, far] - one[far, far]) < 0.05 * rms(one[far, far] - image[far, far])
+
+
+@pytest.mark.parametrize("is_chunked", [False, True])
+def test_the_report_of_opacity_is_about_what_was_mixed(is_chunked):
+    alpha = ndimage.gaussian_filter(logo()[..., 3], 1.5).astype(np.float32)
+    image = np.concatenate([np.full((*alpha.shape, 3), 0.5, np.float32), alpha[..., None]], axis=2)
+    for mask, is_told in ((np.zeros(alpha.shape), False), (np.ones(alpha.shape), True)):
+        with gathering() as findings:
+            given = dask.array.from_array(image, chunks=(96, 96, 4)) if is_chunked else image
+            found = core.sharpen_image(given, mask=mask)
+            if is_chunked:
+                found = found.compute(scheduler="synchronous")
+        assert (found[..., 3] != image[..., 3]).any() == is_told
+        assert ("Opacity was sharpened, too." in map(str, findings)) == is_told

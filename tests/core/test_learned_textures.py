@@ -16,6 +16,7 @@ from shock_filter.core.atlas.ghosts import (
     ghosts_that_read_ghosts,
     nearest_nodes,
 )
+from shock_filter.core.base.findings import gathering
 from shock_filter.core.color.learned.planes import Planes
 from shock_filter.core.grid.channels import Channels
 from shock_filter.core.sparse.matrix import row_sums
@@ -338,3 +339,14 @@ def test_a_soft_decal_gets_a_crisp_outline_across_seams():
     soft = lambda alpha: ((alpha > 0.03) & (alpha < 0.97)).mean()  # noqa: E731
     true, before, after = map(soft, (truth, given[inside][:, 3], out[inside][:, 3]))
     assert after - true < 0.15 * (before - true)
+
+
+def test_the_report_of_opacity_is_about_what_was_mixed():
+    color = spoiled()
+    opacity = ndimage.gaussian_filter(1.0 * (color[..., :1] > color.mean()), (1.5, 1.5, 0))
+    image = np.concatenate([color, opacity], axis=2).astype(np.float32)
+    mesh, uv = flat_square()
+    for mask, is_told in ((np.zeros((128, 128)), False), (np.ones((128, 128)), True)):
+        with gathering() as findings:
+            core.sharpen_texture(mesh, uv, image, mask=mask)
+        assert ("Opacity was sharpened, too." in map(str, findings)) == is_told

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import bpy
 
-from .. import LIVE_TEXTURE
-from ..materials import image_nodes, live_mix
+from .. import LIVE_RESULT_OF, LIVE_TEXTURE
+from ..materials import image_nodes, is_live_result, live_mix
 from .textures import materials_of
 
 NAME = "Shock Filter Texture"
@@ -48,30 +48,36 @@ def show(
         Whether the result is seen where the mask is black.
     """
     for node in _nodes(names, old):
-        if _result_of(node) is None:
-            _insert(node)
+        mix = live_mix(node)
+        if mix is None:
+            mix = _insert(node)
             if mask is not None:
                 _link_mask(node, mask, is_inverted)
-        _result_of(node).image = new
+        result = _result_of(mix) or _add_result(node, mix)
+        if not _reads(mix.inputs[NEW], result):
+            _link(result, mix, NEW)
+        result.image = new
 
 
 def remove(names: list[str], old: bpy.types.Image) -> bool:
     """Take these nodes away again, so that the image is seen; return whether there were any."""
-    found = [node for node in _nodes(names, old) if _result_of(node) is not None]
+    found = [node for node in _nodes(names, old) if live_mix(node) is not None]
     for node in found:
-        tree, mix, result = node.id_data, live_mix(node), _result_of(node)
+        tree, mix = node.id_data, live_mix(node)
+        result = _result_of(mix)
         for output, own in zip(mix.outputs, node.outputs, strict=True):
             for link in list(output.links):
                 tree.links.new(own, link.to_socket)
         masks = [each for each in tree.nodes if each.label == _mask_label(mix)]
-        for each in (mix, result, *masks):
+        for each in filter(None, (mix, result, *masks)):
             tree.nodes.remove(each)
     return bool(found)
 
 
 def results(names: list[str], old: bpy.types.Image) -> list[bpy.types.ShaderNodeTexImage]:
     """List the nodes with results of an image, in the materials of the objects of these names."""
-    found = [_result_of(node) for node in _nodes(names, old)]
+    mixes = [live_mix(node) for node in _nodes(names, old)]
+    found = [_result_of(mix) for mix in mixes if mix is not None]
     return [node for node in found if node is not None]
 
 
@@ -80,14 +86,25 @@ def _nodes(names: list[str], old: bpy.types.Image) -> Iterator[bpy.types.ShaderN
     for material in materials_of(names):
         for node in image_nodes(material):
             is_own = node.id_data.library is None and material.library is None
-            if node.image == old and is_own and live_mix(node, NEW) is None:
+            if node.image == old and is_own and not is_live_result(node):
                 yield node
 
 
-def _result_of(node: bpy.types.ShaderNodeTexImage) -> bpy.types.ShaderNodeTexImage | None:
-    mix = live_mix(node)
-    links = [] if mix is None else mix.inputs[NEW].links
-    return links[0].from_node if links else None
+def _result_of(mix: bpy.types.Node) -> bpy.types.ShaderNodeTexImage | None:
+    # Others may be linked where it was; of copies, that which is linked is meant.
+    linked = [link.from_node for link in mix.inputs[NEW].links]
+    marked = [each for each in mix.id_data.nodes if each.get(LIVE_RESULT_OF) == mix.name]
+    own = [each for each in linked if LIVE_RESULT_OF in each or each.label == NAME]
+    return next((each for each in (*own, *marked) if each.type == "TEX_IMAGE"), None)
+
+
+def _reads(socket: bpy.types.NodeSocket, node: bpy.types.Node) -> bool:
+    # Whether an input depends on a node, through whatever nodes.
+    before = [link.from_node for link in socket.links]
+    for each in before:
+        links = [link for entry in each.inputs for link in entry.links]
+        before += [link.from_node for link in links if link.from_node not in before]
+    return node in before
 
 
 def _mask_label(mix: bpy.types.Node) -> str:
@@ -110,19 +127,30 @@ def _link_mask(
     tree.links.new(output, mix.inputs[MASK])
 
 
-def _insert(node: bpy.types.ShaderNodeTexImage) -> None:
+def _insert(node: bpy.types.ShaderNodeTexImage) -> bpy.types.Node:
     tree = node.id_data
     mix = tree.nodes.new("ShaderNodeGroup")
     mix.node_tree = _find_or_build()
     mix.location = node.location[0] + _BESIDE, node.location[1]
-    result = _add_image(node, -_BESIDE)
-    result.label = NAME
     for output, own in zip(mix.outputs, node.outputs, strict=True):
         for link in list(own.links):
             tree.links.new(output, link.to_socket)
-    for each, name in ((node, OLD), (result, NEW)):
-        tree.links.new(each.outputs["Color"], mix.inputs[name])
-        tree.links.new(each.outputs["Alpha"], mix.inputs[_OPACITY.format(name)])
+    _link(node, mix, OLD)
+    return mix
+
+
+def _add_result(
+    node: bpy.types.ShaderNodeTexImage, mix: bpy.types.Node
+) -> bpy.types.ShaderNodeTexImage:
+    result = _add_image(node, -_BESIDE)
+    result.label, result[LIVE_RESULT_OF] = NAME, mix.name
+    return result
+
+
+def _link(node: bpy.types.ShaderNodeTexImage, mix: bpy.types.Node, name: str) -> None:
+    links = node.id_data.links
+    links.new(node.outputs["Color"], mix.inputs[name])
+    links.new(node.outputs["Alpha"], mix.inputs[_OPACITY.format(name)])
 
 
 def _add_image(node: bpy.types.ShaderNodeTexImage, below: float) -> bpy.types.ShaderNodeTexImage:
@@ -142,8 +170,12 @@ def _find_or_build() -> bpy.types.NodeTree:
         if tree.library is None and tree.get(LIVE_TEXTURE) == VERSION:
             return tree
     tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
-    tree[LIVE_TEXTURE] = VERSION
-    _build(tree)
+    try:
+        _build(tree)
+    except BaseException:
+        bpy.data.node_groups.remove(tree)
+        raise
+    tree[LIVE_TEXTURE] = VERSION  # only a whole one may be found again
     return tree
 
 

@@ -21,8 +21,13 @@ def find_or_add(name: str, key: str, version: Any, build: Callable[[Any], None])
         if tree.library is None and tree.get(key) == version:
             return tree
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    tree[key], tree.is_modifier = version, True
-    build(tree)
+    tree.is_modifier = True
+    try:
+        build(tree)
+    except BaseException:
+        bpy.data.node_groups.remove(tree)
+        raise
+    tree[key] = version  # only a whole one may be found again
     return tree
 
 

@@ -14,7 +14,9 @@ from ..chosen import live_source
 CHANGED = "shock_filter_changed"
 """Key among a copy's properties, in files that were saved while it was behind."""
 
-_changed: set[int] = set()
+_changed: dict[int, float] = {}
+"""Copies that are behind, by uids: when their sources changed last."""
+
 _copies: dict[int, set[int]] = {}
 """Of each live copy, by uids: what its source depends on."""
 
@@ -39,8 +41,7 @@ def note(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
             _forget_state(each.id.original)
     for uid, sources in list(_copies.items()):
         if sources & uids:
-            _changed.add(uid)
-            changed_at = time.monotonic()
+            _changed[uid] = changed_at = time.monotonic()
             copy = _object(uid)
             source = None if copy is None else live_source(copy)
             _copies[uid] = set() if source is None else dependencies(source)
@@ -48,7 +49,7 @@ def note(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
 
 def note_updated(obj: bpy.types.Object) -> None:
     """Take a copy as up to date."""
-    _changed.discard(obj.session_uid)
+    _changed.pop(obj.session_uid, None)
     obj.pop(CHANGED, None)
     _states.clear()
     source = live_source(obj)
@@ -64,6 +65,11 @@ def has_changed(obj: bpy.types.Object) -> bool:
 def changed_copies() -> list[bpy.types.Object]:
     """List the live copies that are behind."""
     return [obj for uid in list(_changed) if (obj := _object(uid)) is not None]
+
+
+def changed_since(moment: float) -> set[int]:
+    """Return the uids of the live copies whose sources have changed since, by `time.monotonic`."""
+    return {uid for uid, changed in _changed.items() if changed > moment}
 
 
 def state_for_panel(obj: bpy.types.Object, find: Any) -> str:
@@ -86,7 +92,7 @@ def read(*_: object) -> None:
     global _counted
     forget()
     _counted = -1
-    _changed.update(obj.session_uid for obj in bpy.data.objects if CHANGED in obj)
+    _changed.update((obj.session_uid, 0.0) for obj in bpy.data.objects if CHANGED in obj)
 
 
 def forget() -> None:
