@@ -152,7 +152,8 @@ def bake_maps(
         with phase(0.15, 0.25, _BAKING):
             scene = scene_of(source, others, settings.ground)
             sites = texel_sites(found)
-            onto = None if high is None else _onto(found, sites, scene, high, settings.cage)
+            alone = scene if high is None or not others else scene_of(high)
+            onto = None if high is None else _onto(found, sites, alone, high, settings.cage)
         baker = _Baker(found, source, sites if onto is None else onto.sites, scene, settings, onto)
         with phase(0.25, 0.8, "Tracing rays"):
             sheets = baker.traced(wanted)
@@ -160,7 +161,8 @@ def bake_maps(
             sheets |= baker.read(wanted, painted)
         images = {}
         for number, name in enumerate(wanted):
-            with phase(0.9 + 0.1 * number / len(wanted), 1.0, "Filling the gutter"):
+            begin, end = (0.9 + 0.1 * n / len(wanted) for n in (number, number + 1))
+            with phase(begin, end, "Filling the gutter"):
                 images[name] = baker.image(name, sheets[name], given)
         return images
 
@@ -194,7 +196,8 @@ class _Baker:
         names = [name for name in halves if name in wanted]
         sheets = {}
         for number, name in enumerate(names):
-            with phase(0.8 + 0.2 * number / len(names), 1.0, "Smoothing"):
+            begin, end = (0.8 + 0.2 * n / len(names) for n in (number, number + 1))
+            with phase(begin, end, "Smoothing"):
                 both = on_sheet(self._atlas, sites, halves[name].astype(np.float32))
                 sheets[name] = smoothed(self._atlas, both, settings.smoothing)
         if "bent_normals" in sheets:
@@ -310,8 +313,6 @@ def _onto(
         chunk=1024)  # fmt: skip
     met = rows >= 0
     faces = np.where(met, scene.tree.order[rows], -1).astype(np.int32)
-    met &= faces < high.face_count
-    faces = np.where(met, faces, -1).astype(np.int32)
     heights[~met] = 0.0
     points = starts + heights[:, None] * along
     corners = high.scaled_vertices[high.faces[faces]]
@@ -352,14 +353,19 @@ def _project(start, stop, points, along, tree, reach, off, rows, heights):
             ox = points[i, 0] - back * along[i, 0]
             oy = points[i, 1] - back * along[i, 1]
             oz = points[i, 2] - back * along[i, 2]
-            limit = np.float32(nearest + off)
-            far, row = first_hit(tree, ox, oy, oz, dx, dy, dz, limit, False, stack)
-            if row < 0:
-                continue
-            ux, uy, uz = triangles[row, 3], triangles[row, 4], triangles[row, 5]
-            vx, vy, vz = triangles[row, 6], triangles[row, 7], triangles[row, 8]
-            mx, my, mz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-            if mx * along[i, 0] + my * along[i, 1] + mz * along[i, 2] <= 0:
-                continue
-            nearest = max(far - off, 0.0)
-            rows[i], heights[i] = row, sign * np.float32(far - off)
+            gone = np.float32(0)
+            while gone < nearest + off:
+                limit = np.float32(nearest + off - gone)
+                x, y, z = ox + gone * dx, oy + gone * dy, oz + gone * dz
+                far, row = first_hit(tree, x, y, z, dx, dy, dz, limit, False, stack)
+                if row < 0:
+                    break
+                ux, uy, uz = triangles[row, 3], triangles[row, 4], triangles[row, 5]
+                vx, vy, vz = triangles[row, 6], triangles[row, 7], triangles[row, 8]
+                mx, my, mz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+                gone += np.float32(far)
+                if mx * along[i, 0] + my * along[i, 1] + mz * along[i, 2] > 0:
+                    nearest = max(gone - off, 0.0)
+                    rows[i], heights[i] = row, sign * np.float32(gone - off)
+                    break
+                gone += np.float32(off)  # on from the back of a face

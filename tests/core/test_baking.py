@@ -57,6 +57,22 @@ def test_heights_and_normals_of_a_bump():
     assert np.abs(found - normals)[2:-2, 2:-2].max() < 0.03
 
 
+def test_occluders_make_no_holes_and_undersides_do_not_count():
+    low, high, uv = sheets(0.08)
+    words = {"size": SIZE, "maps": ["displacement"]}
+    wanted = core.bake_maps(low, uv, high=high, **words)["displacement"]
+    between = core.TriangleMesh(low.vertices + [0, 0, 0.01], low.faces)
+    found = core.bake_maps(low, uv, high=high, occluders=[between], **words)["displacement"]
+    assert np.array_equal(found, wanted)
+    below = core.TriangleMesh(low.vertices + [0, 0, 0.004], low.faces[:, ::-1])
+    plate = core.TriangleMesh(
+        np.concatenate([high.vertices + [0, 0, 0.02], below.vertices]),
+        np.concatenate([high.faces, below.faces + high.vertex_count]),
+    )
+    found = core.bake_maps(low, uv, high=plate, **words)["displacement"]
+    assert np.abs(found - wanted - 0.02).max() < 1e-3
+
+
 def test_a_mesh_onto_itself_is_flat_and_keeps_its_colors():
     vertices, faces = icosphere(3)
     ball = core.TriangleMesh(vertices, faces)

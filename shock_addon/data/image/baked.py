@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ....core.host.fields import BakeSurface, WorldMesh
 from .. import arrays
 from ..chosen import mesh_objects, mesh_users
-from ..mesh import meshes
+from ..mesh import meshes, visible
 from ..skipped import Skipped
 from . import fields, images, textures
 
@@ -120,7 +120,9 @@ def write(
 def show(names: list[str], made: dict[str, bpy.types.Image]) -> None:
     """Put maps into the active materials of objects: normals and colors linked, others not."""
     for name in names:
-        obj = bpy.data.objects[name]
+        obj = bpy.data.objects.get(name)
+        if obj is None:  # deleted or renamed meanwhile
+            continue
         material = obj.active_material
         if material is None:
             material = bpy.data.materials.new(obj.name)
@@ -163,14 +165,17 @@ def _others(context: bpy.types.Context, left: list[bpy.types.Object]) -> list[Wo
 
 
 def _read(obj: bpy.types.Object) -> WorldMesh:
+    # As it is seen, with its modifiers.
     meshes.check_readable(obj)
-    mesh = obj.data
     matrix = meshes.matrix_in_world(obj)
-    triangles = meshes.read_triangles(mesh).astype(np.int64)
+    with visible.evaluated(obj) as (seen, _):
+        mesh = seen.data
+        triangles = meshes.read_triangles(mesh).astype(np.int64)
+        positions = meshes.read_positions(mesh).astype(np.float64)
+        colors = _colors(mesh)
     if np.linalg.det(matrix[:3, :3]) < 0:
         triangles = triangles[:, ::-1]
-    positions = meshes.read_positions(mesh).astype(np.float64)
-    return WorldMesh(positions @ matrix[:3, :3].T + matrix[:3, 3], triangles, _colors(mesh))
+    return WorldMesh(positions @ matrix[:3, :3].T + matrix[:3, 3], triangles, colors)
 
 
 def _colors(mesh: bpy.types.Mesh) -> npt.NDArray[np.float64] | None:

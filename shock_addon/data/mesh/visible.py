@@ -137,7 +137,7 @@ def _contents(mesh: bpy.types.Mesh) -> dict[str, Any]:
 
 
 def _copy(obj: bpy.types.Object) -> bpy.types.Object:
-    with _evaluated(obj) as (seen, graph):
+    with evaluated(obj) as (seen, graph):
         # Blender evaluates the modifiers once more to preserve weights, which it may have left out.
         mesh = bpy.data.meshes.new_from_object(
             seen, preserve_all_data_layers=bool(obj.vertex_groups), depsgraph=graph
@@ -151,7 +151,7 @@ def _copy(obj: bpy.types.Object) -> bpy.types.Object:
 
 
 @contextmanager
-def _evaluated(
+def evaluated(
     obj: bpy.types.Object,
 ) -> Iterator[tuple[bpy.types.Object, bpy.types.Depsgraph]]:
     """Give an object as it is evaluated, in a scene of its own where it is not otherwise."""
