@@ -67,6 +67,9 @@ def _bake_file() -> Any:
     return bake_file
 
 
+MAPS = ("normals", "displacement", "curvature", "occlusion", "bent_normals", "thickness")
+"""What is baked: the maps of `core.bake_maps` that need no colors."""
+
 BAKE_MAPS = Command(
     "bake_maps",
     "files.baking",

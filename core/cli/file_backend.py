@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE, Kind
 from ..settings import named, value_of
 from . import flows
-from .commands import BAKE_MAPS, COMMANDS, MODEL, REPAIR_MODEL, Command
+from .commands import BAKE_MAPS, COMMANDS, MAPS, MODEL, REPAIR_MODEL, Command
 from .inputs import FileName
 from .parsing import add_gain_map, add_mask, add_others, add_sources, sources_of
 
@@ -91,8 +91,6 @@ class FileBackend:
                 " in front of this one",
             )
         if command is BAKE_MAPS:
-            from ..files.baking import MAPS
-
             parser.add_argument("--map", choices=MAPS, required=True, help="what to bake")
             parser.add_argument(
                 "--high",

@@ -23,9 +23,6 @@ from .output import DEFAULTS, Options, Outcome, check_free
 from .reading import check_target
 from .textures import RAW, read_textured_mesh
 
-MAPS = ("normals", "displacement", "curvature", "occlusion", "bent_normals", "thickness")
-"""Those of `bake_maps` that need no colors."""
-
 
 def bake_file(
     mesh: str | Path,
@@ -43,7 +40,7 @@ def bake_file(
     mesh, target, size, options
         As in :func:`shock_filter.core.files.fields.field_file`.
     name : str
-        One of `MAPS`.
+        A map of `bake_maps` that needs no colors.
     high : path, optional
         The file of the detailed mesh of which the map is.
     settings : BakeSettings

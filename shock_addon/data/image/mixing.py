@@ -94,7 +94,7 @@ def _result_of(mix: bpy.types.Node) -> bpy.types.ShaderNodeTexImage | None:
     # Others may be linked where it was; of copies, that which is linked is meant.
     linked = [link.from_node for link in mix.inputs[NEW].links]
     marked = [each for each in mix.id_data.nodes if each.get(LIVE_RESULT_OF) == mix.name]
-    own = [each for each in linked if LIVE_RESULT_OF in each or each.label == NAME]
+    own = [each for each in linked if LIVE_RESULT_OF in each]
     return next((each for each in (*own, *marked) if each.type == "TEX_IMAGE"), None)
 
 
