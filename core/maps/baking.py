@@ -121,8 +121,9 @@ def bake_maps(
     Notes
     -----
     From each texel rays go up and down along the smooth normal of the simple mesh, as far as the
-    cage; the nearer place that faces the same way is taken. Where there is none, the simple mesh
-    itself is. Tangents are those of MikkTSpace, as in Blender.
+    cage; the nearer place that faces the same way is taken. Where there is none, normals,
+    displacement and rays are those of the simple mesh, and curvature and colors are 0. Tangents are
+    those of MikkTSpace, as in Blender.
 
     Examples
     --------
