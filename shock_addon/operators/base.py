@@ -339,7 +339,8 @@ def _choices(target: Target, finding: Finding, scale: float) -> dict[str, Found]
     for name in names:
         value = finding.values.get(name.removeprefix(target.prefix))
         if value is not None:
-            edge = getattr(value, "edge", 0.0) * scale
+            of_mesh = 1.0 if hasattr(value, "of_mesh") else 0.0
+            edge = getattr(value, "edge", of_mesh) * scale
             text = data.lengths.in_scene(value * edge) if edge > 0 else f"{value:.3g}"
             chosen[name] = Found(float(value), text)
     return chosen

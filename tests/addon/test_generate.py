@@ -453,3 +453,16 @@ def test_what_was_painted_since_is_kept(sheet):
     generate(**words, result="Grid Distance")
     assert image.pixels[0] == 7.0
     assert len(bpy.data.images) == 2
+
+
+def test_a_mask_from_sharp_edges_is_narrow_and_says_its_width(sheet):
+    mark_sharp(sheet)
+    assert generate(image_size=str(SIZE)) == {"FINISHED"}
+    from shock_filter.shock_addon.operators.keeping import found
+
+    width = found["generate"]["width"].value
+    assert 0 < width < 0.2 * LENGTH
+    expected = np.clip(1.0 - from_left() / width, 0.0, 1.0)
+    np.testing.assert_allclose(read("Grid Distance"), expected, atol=0.1)
+    said = f"The gradient ends at a distance of {found['generate']['width'].text}."
+    assert said in operators.summaries["generate"]

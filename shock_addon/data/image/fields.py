@@ -315,6 +315,7 @@ def _starts(objects: list[bpy.types.Object], start: str, vertex_group: str = "")
             marked = arrays.read(mesh.edges, _MARKS[start], dtype=bool)
         if start == "SELECTED":
             chosen = arrays.read(mesh.vertices, "select", dtype=bool)
+            chosen[pairs[marked]] = True  # as Edit Mode does: it is more than lines
         vertices.append(first + np.flatnonzero(chosen))
         edges.append(first + pairs[marked])
         first += len(mesh.vertices)
