@@ -180,6 +180,10 @@ class FilterOperator(ModalJob):
         """Return the number of changed elements, and of all."""
         raise NotImplementedError
 
+    def count_filtered(self, written: list[Written]) -> int:
+        """Return how much of the input was filtered; for statistics."""
+        return sum(target.surface.size for target in self.targets)
+
     def summary(self, written: list[Written], seconds: float) -> str:
         """Return the report in one line: what was done, and how long it took."""
         raise NotImplementedError
@@ -297,7 +301,7 @@ class FilterOperator(ModalJob):
             return {"CANCELLED"}
         _subjects[self.key] |= {each.data.session_uid for each in written}
         seconds = time.perf_counter() - self._began
-        statistics.learn(self, seconds)
+        statistics.learn(self, self.count_filtered(written), seconds)
         if listener is not None:
             listener.counts = self.counts(written)
         parts = [

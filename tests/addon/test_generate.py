@@ -217,6 +217,10 @@ def test_an_object_without_a_material_shows_the_image(sheet):
     nodes = material.node_tree.nodes
     (link,) = nodes["Principled BSDF"].inputs["Base Color"].links
     assert link.from_node.image == bpy.data.images["Grid Distance"]
+    said = "Grid had no material, and got one that shows Grid Distance."
+    assert said in operators.summaries["generate"]
+    generate(source="border", image_size=str(SIZE))
+    assert "had no material" not in operators.summaries["generate"]
 
 
 def test_a_material_gets_a_node_that_waits(sheet):
