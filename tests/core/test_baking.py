@@ -7,6 +7,7 @@ from PIL import Image
 from shapes import grid, icosphere
 from shock_filter import core
 from shock_filter.core import cli
+from shock_filter.core.base.findings import gathering
 
 SIZE = 48, 48
 
@@ -110,6 +111,63 @@ def test_what_the_cage_does_not_reach_stays_flat():
     reached = core.BakeSettings(cage=0.6, look="gray")
     baked = core.bake_maps(low, uv, reached, size=SIZE, maps=["displacement"], high=away)
     assert np.abs(baked["displacement"] - (0.5 + 0.5 * 0.5 / 0.6)).max() < 1e-3
+
+
+def test_texels_that_meet_nothing_are_filled_from_around_and_told():
+    low, high, uv = sheets(0.08)
+    x, y, z = high.vertices.T
+    middle = high.vertices[high.faces].mean(axis=1)
+    is_hole = (np.abs(middle[:, 0]) < 0.3) & (np.abs(middle[:, 1] - 0.4) < 0.3)
+    torn = core.TriangleMesh(high.vertices, high.faces[~is_hole])
+    colors = np.stack([0.5 + 0.5 * x, 0.5 + 0.4 * y, np.full_like(z, 0.7)], axis=1)
+    maps = ["colors", "occlusion", "curvature", "normals", "displacement"]
+    few = core.BakeSettings(rays=16)
+    with gathering() as findings:
+        baked = core.bake_maps(low, uv, few, size=SIZE, maps=maps, high=torn, colors=colors)
+    x, y = centres()
+    wanted = np.stack([0.5 + 0.5 * x, 0.5 + 0.4 * y, np.full_like(x, 0.7)], axis=-1)
+    inside = (np.abs(x) < 0.25) & (np.abs(y - 0.4) < 0.25)
+    assert not baked["displacement"][inside].any()
+    assert np.abs(baked["normals"][inside] - [0.5, 0.5, 1.0]).max() < 1e-4
+    assert np.abs(baked["colors"] - wanted)[2:-2, 2:-2].max() < 0.01
+    assert baked["occlusion"][inside].min() > 0.9
+    assert np.abs(baked["curvature"][inside]).min() > 0  # it goes on from the bump beside
+    (said,) = map(str, findings)
+    share = 100 * (baked["displacement"] == 0).mean()
+    assert float(said.split("%")[0]) == pytest.approx(share, abs=0.01)
+    assert said.endswith("within 0.14; there is nothing beside them.")
+
+
+def test_the_cage_that_would_do_is_told():
+    low, high, uv = sheets()
+    away = core.TriangleMesh(high.vertices + [0, 0, 0.5], high.faces)
+    settings = core.BakeSettings(cage=0.1)
+    words = {"size": SIZE, "maps": ["displacement"], "high": away}
+    with gathering() as findings:
+        core.bake_maps(low, uv, settings, **words)
+    said = str(findings[0])
+    assert said == (
+        "100% of the texels meet nothing of the detailed mesh within 0.1; raise Cage to about 0.52."
+    )
+    with gathering() as findings:
+        core.bake_maps(low, uv, settings.changed(cage=0.53), **words)
+    assert not findings
+
+
+def test_whites_of_grays_are_told():
+    low, high, uv = sheets(0.08)
+    words = {"size": SIZE, "maps": ["displacement", "curvature"], "high": high}
+    values = core.bake_maps(low, uv, core.BakeSettings(rays=2), **words)
+    with gathering() as findings:
+        grays = core.bake_maps(low, uv, core.BakeSettings(rays=2, look="gray"), **words)
+    whites = dict(zip(words["maps"], (each.values["white"] for each in findings), strict=True))
+    for name, white in whites.items():
+        wanted = np.clip(0.5 + 0.5 * values[name] / white, 0, 1)
+        assert np.abs(grays[name] - wanted).max() < 1e-6, name
+    assert whites["displacement"] == values["displacement"].max()
+    with gathering() as findings:
+        core.bake_maps(low, uv, core.BakeSettings(rays=2, look="gray", cage=0.2), **words)
+    assert "In the map of heights, white is 0.2 above, black as much below." in map(str, findings)
 
 
 def test_wrong_input_and_cancelling():

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 import numpy.typing as npt
+from bpy.app.translations import pgettext_rpt
 
 from ....core.host.fields import BakeSurface, WorldMesh
 from .. import arrays
 from ..chosen import mesh_objects, mesh_users
 from ..mesh import meshes, visible
-from ..skipped import Skipped
+from ..skipped import Skipped, as_reason, sentences
 from . import fields, images, textures
 
 SUFFIXES = {
@@ -32,11 +33,20 @@ _OF_HIGH = "normals", "displacement", "colors"
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """The objects that get maps, the active one first, and what is baked."""
+    """What is baked, and the objects that get the maps.
+
+    Attributes
+    ----------
+    name : str
+        That of the first of these.
+    surface : BakeSurface
+    objects : dict of int to str
+        Names by session uids, the active object first.
+    """
 
     name: str
     surface: BakeSurface
-    objects: list[str]
+    objects: dict[int, str]
 
 
 def read(
@@ -76,8 +86,13 @@ def read(
             raise Skipped("select the detailed objects, and last the one that gets the maps")
     faces, names, skipped = textures.read_faces(context, objects, None, None, with_normals=True)
     with meshes.object_mode(context):
-        high = _joined([_read(obj) for obj in details]) if details else None
+        parts, left = _read_each(details)
         others = _others(context, [*objects, *details]) if occlude else []
+    skipped += sentences(left)
+    if details and not parts:
+        reasons = as_reason(" ".join(skipped))
+        raise Skipped("no object could be read. {reasons}", reasons=reasons)
+    high = _joined(parts) if parts else None
     possible = [name for name in SUFFIXES if high is not None or name not in _OF_HIGH]
     if high is not None and high.colors is None:
         possible.remove("colors")
@@ -85,7 +100,8 @@ def read(
     if not wanted:
         raise Skipped("no map is left; choose some, such as curvature")
     surface = BakeSurface(faces, (size, size), wanted, high, others)
-    return BakeTarget(names[0], surface, names), skipped
+    uids = {obj.name: obj.session_uid for obj in objects}
+    return BakeTarget(names[0], surface, {uids[name]: name for name in names}), skipped
 
 
 def write(
@@ -117,11 +133,20 @@ def write(
     return made
 
 
-def show(names: list[str], made: dict[str, bpy.types.Image]) -> None:
-    """Put maps into the active materials of objects: normals and colors linked, others not."""
-    for name in names:
-        obj = bpy.data.objects.get(name)
-        if obj is None:  # deleted or renamed meanwhile
+def show(target: BakeTarget, made: dict[str, bpy.types.Image]) -> list[str]:
+    """Put maps into the active materials of objects: normals and colors linked, others not.
+
+    Returns
+    -------
+    list of str
+        A sentence for each object that was left alone.
+    """
+    there = {obj.session_uid: obj for obj in bpy.data.objects}
+    left = []
+    for uid, name in target.objects.items():
+        obj = there.get(uid)
+        if obj is None or obj.data is None:
+            left.append((name, pgettext_rpt("it was removed meanwhile")))
             continue
         material = obj.active_material
         if material is None:
@@ -136,6 +161,7 @@ def show(names: list[str], made: dict[str, bpy.types.Image]) -> None:
             continue
         for key, image in made.items():
             _link(material, key, fields.image_node(material, image, activate=False))
+    return sentences(left)
 
 
 def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:
@@ -154,22 +180,32 @@ def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:
 
 
 def _others(context: bpy.types.Context, left: list[bpy.types.Object]) -> list[WorldMesh]:
-    found = []
-    for obj in context.visible_objects:
-        if obj.type == "MESH" and obj not in left and obj.data.polygons and not obj.hide_render:
-            try:
-                found.append(_read(obj))
-            except Skipped:
-                continue  # flat or in another mode: it casts no shadow
-    return found
+    shown = [obj for obj in context.visible_objects if obj.type == "MESH" and not obj.hide_render]
+    # What cannot be read is in another mode, or has no faces: it casts no shadow.
+    return _read_each([obj for obj in shown if obj not in left])[0]
+
+
+def _read_each(
+    objects: list[bpy.types.Object],
+) -> tuple[list[WorldMesh], list[tuple[str, str]]]:
+    # Meshes, and names and reasons of objects that cannot be read.
+    found, left = [], []
+    for obj in objects:
+        try:
+            found.append(_read(obj))
+        except Skipped as reason:
+            left.append((obj.name, str(reason)))
+    return found, left
 
 
 def _read(obj: bpy.types.Object) -> WorldMesh:
-    # As it is seen, with its modifiers.
-    meshes.check_readable(obj)
+    # As it is seen, with its modifiers, which may be what makes its faces.
+    meshes.check_in_object_mode(obj)
     matrix = meshes.matrix_in_world(obj)
     with visible.evaluated(obj) as (seen, _):
         mesh = seen.data
+        if not mesh.polygons:
+            raise Skipped("it has no faces; add some, or select another object")
         triangles = meshes.read_triangles(mesh).astype(np.int64)
         positions = meshes.read_positions(mesh).astype(np.float64)
         colors = _colors(mesh)
