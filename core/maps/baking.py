@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,9 @@ SIGNED = "curvature", "displacement"
 """Maps whose 0 is middle gray."""
 
 _OF_ONE = "curvature", "occlusion", "bent_normals", "thickness"
+
+_TRACED = _OF_ONE[1:]
+"""Those of rays."""
 
 MAPS = (*_OF_ONE, "normals", "displacement", "colors")
 """All maps; the last three are those of a detailed mesh."""
@@ -139,23 +143,25 @@ def bake_maps(
         check_mesh(high)
     source = mesh if high is None else high
     painted = None if colors is None else _checked_colors(source, colors)
+    by_rays = 18 * bool(set(wanted) & set(_TRACED))
+    bent, in_colors = 4 * ("curvature" in wanted), int("colors" in wanted)
+    parts = iter(_parts([6, 3, by_rays, bent + in_colors, *([1] * len(wanted))]))
     with reporting(progress):
-        with phase(0.0, 0.15, "Finding texels"):
+        with phase(*next(parts), "Finding texels"):
             found = atlas_for(atlas, mesh, uv, shape)
-        with phase(0.15, 0.25, _BAKING):
+        with phase(*next(parts), _BAKING):
             scene = scene_of(source, others, settings.ground)
             sites = texel_sites(found)
             alone = scene if high is None or not others else scene_of(high)
             onto = None if high is None else project(found, sites, alone, high, settings.cage)
         baker = _Baker(found, source, sites if onto is None else onto.sites, scene, settings, onto)
-        with phase(0.25, 0.8, "Tracing rays"):
+        with phase(*next(parts), "Tracing rays"):
             sheets = baker.traced(wanted)
-        with phase(0.8, 0.9, _BAKING):
+        with phase(*next(parts), _BAKING):
             sheets |= baker.read(wanted, painted)
         images = {}
-        for number, name in enumerate(wanted):
-            begin, end = (0.9 + 0.1 * n / len(wanted) for n in (number, number + 1))
-            with phase(begin, end, "Filling the gutter"):
+        for name, part in zip(wanted, parts, strict=True):
+            with phase(*part, "Filling the gutter"):
                 images[name] = baker.image(name, sheets[name], given)
         return images
 
@@ -181,22 +187,24 @@ class _Baker:
         """Return what comes of rays, on the sheet."""
         scene, sites, settings = self._scene, self._sites, self._settings
         halves: dict[str, _Single] = {}
-        with phase(0.0, 0.5, "Tracing rays"):
-            if {"occlusion", "bent_normals"} & set(wanted):
+        names = [name for name in _TRACED if name in wanted]
+        is_open, is_thick = bool(set(names) - {"thickness"}), "thickness" in names
+        around, inside, *parts = _parts([5 * is_open, 3 * is_thick, *([2] * len(names))])
+        with phase(*around, "Tracing rays"):
+            if is_open:
                 seen, bent, _ = look_around(scene, sites, settings.rays, settings.distance)
                 halves = {"occlusion": seen, "bent_normals": bent}
-        with phase(0.5, 0.8, "Tracing rays"):
-            if "thickness" in wanted:
+        with phase(*inside, "Tracing rays"):
+            if is_thick:
                 halves["thickness"] = look_inside(scene, sites, settings.rays) * scene.unit
-        names = [name for name in halves if name in wanted]
+        filling = 0.3 * self._unmet.is_needed
         sheets = {}
-        for number, name in enumerate(names):
-            begin, end = (0.8 + 0.2 * n / len(names) for n in (number, number + 1))
-            with phase(begin, end, "Smoothing"):
+        for name, part in zip(names, parts, strict=True):
+            with phase(*part, "Smoothing"):
                 both = on_sheet(self._atlas, sites, halves[name].astype(np.float32))
-                with phase(0.0, 0.3, "Smoothing"):
+                with phase(0.0, filling, "Filling"):
                     both = self._unmet.filled(both)
-                with phase(0.3, 1.0, "Smoothing"):
+                with phase(filling, 1.0, "Smoothing"):
                     sheets[name] = smoothed(self._atlas, both, settings.smoothing)
         if "bent_normals" in sheets:
             vectors = sheets["bent_normals"]
@@ -208,14 +216,17 @@ class _Baker:
         """Return what is read off the mesh, on the sheet."""
         sheets = {}
         if "curvature" in wanted:
-            frames, radii = Frames(self._mesh), radii_of(self._mesh, 0.0)
-            mean = curvatures_of(self._mesh, frames, radii).mean[:, None]
-            if self._onto is None:
-                sheets["curvature"] = drawn_smoothly(self._atlas, frames, radii, mean)
-            else:
-                sheets["curvature"] = self._at_places(mean)
+            with phase(0.0, 0.5, "Finding curvature"):
+                frames, radii = Frames(self._mesh), radii_of(self._mesh, 0.0)
+                mean = curvatures_of(self._mesh, frames, radii).mean[:, None]
+            with phase(0.5, 0.8, "Drawing"):
+                if self._onto is None:
+                    sheets["curvature"] = drawn_smoothly(self._atlas, frames, radii, mean)
+                else:
+                    sheets["curvature"] = self._at_places(mean)
         if "colors" in wanted and colors is not None:
-            sheets["colors"] = self._at_places(colors)
+            with phase(0.8, 1.0, "Drawing"):
+                sheets["colors"] = self._at_places(colors)
         if self._onto is not None and "displacement" in wanted:
             sheets["displacement"] = self._laid(self._onto.heights[:, None])
         if self._onto is not None and "normals" in wanted:
@@ -264,6 +275,12 @@ class _Baker:
 
     def _laid(self, values: npt.NDArray) -> _Single:
         return on_sheet(self._atlas, self._sites, values.astype(np.float32))
+
+
+def _parts(weights: Sequence[int]) -> list[tuple[float, float]]:
+    # Beginnings and ends of phases of these weights.
+    ends = np.cumsum([0, *weights]) / max(sum(weights), 1)
+    return [(float(a), float(b)) for a, b in pairwise(ends)]
 
 
 def _checked_maps(

@@ -24,7 +24,12 @@ class Unmet:
     ----------
     atlas : TextureAtlas
     numbers : (k,) int
-        Nodes of the sheet, flat, that have none. Where no others are, nothing is filled.
+        Nodes of the sheet, flat, that have none.
+
+    Attributes
+    ----------
+    is_needed : bool
+        Whether there are such nodes, and others.
     """
 
     def __init__(self, atlas: TextureAtlas, numbers: npt.NDArray[np.integer]) -> None:
@@ -32,12 +37,12 @@ class Unmet:
         self._missing = np.zeros(atlas.sheet.nodes.shape, dtype=np.bool_)
         self._missing.reshape(-1)[numbers] = True
         inside = atlas.sheet.nodes >= 0
-        self._is_needed = bool(len(numbers)) and bool((inside & ~self._missing).any())
+        self.is_needed = bool(len(numbers)) and bool((inside & ~self._missing).any())
         self._found: tuple[TextureSpace, Holes] | None = None
 
     def filled(self, sheet: _Single) -> _Single:
         """Return a sheet (rows, columns, c) in which the missing nodes are filled."""
-        if not self._is_needed:
+        if not self.is_needed:
             return sheet
         with phase(0.0, 0.3, _FILLING):
             space, holes = self._holes()

@@ -11,22 +11,12 @@ import numpy.typing as npt
 from bpy.app.translations import pgettext_rpt
 
 from ....core.host.fields import BakeSurface, WorldMesh
+from ....core.maps.names import SUFFIXES
 from .. import arrays
 from ..chosen import mesh_objects, mesh_users
 from ..mesh import meshes, visible
 from ..skipped import Skipped, as_reason, sentences
 from . import fields, images, textures
-
-SUFFIXES = {
-    "normals": "normal",
-    "displacement": "height",
-    "curvature": "curvature",
-    "occlusion": "ao",
-    "bent_normals": "bent_normal",
-    "thickness": "thickness",
-    "colors": "basecolor",
-}
-"""The ends of the names of images, as other programs know them."""
 
 _OF_HIGH = "normals", "displacement", "colors"
 
