@@ -113,9 +113,14 @@ def road(folder: Path) -> None:
     nodes, links = material.node_tree.nodes, material.node_tree.links
     shader = nodes["Principled BSDF"]
     shade = next(n for n in nodes if n.type == "TEX_IMAGE" and n.image.name.endswith("_ao"))
-    links.new(shade.outputs["Color"], shader.inputs["Base Color"])
+    mix = nodes.new("ShaderNodeMixRGB")
+    mix.blend_type, mix.inputs[0].default_value = "MULTIPLY", 1.0
+    mix.inputs[2].default_value = shader.inputs["Base Color"].default_value  # as the other part is
+    links.new(shade.outputs["Color"], mix.inputs[1])
+    links.new(mix.outputs[0], shader.inputs["Base Color"])
     print(f"{len(high.data.polygons)} faces, low poly {len(low.data.polygons)}")
     pictures = []
+    bpy.context.scene.view_settings.exposure = -1.2  # both are light gray
     for shown, hidden in ((high, low), (low, high)):
         hidden.hide_render, shown.hide_render = True, False
         pictures.append(_render(shown, folder / "part.png"))

@@ -12,11 +12,10 @@ from bpy.app.translations import pgettext_rpt
 
 from ....core.host.fields import BakeSurface, WorldMesh
 from ....core.maps.names import SUFFIXES
-from .. import arrays
 from ..chosen import mesh_objects, mesh_users
-from ..mesh import meshes, visible
+from ..mesh import meshes
 from ..skipped import Skipped, as_reason, sentences
-from . import fields, images, textures
+from . import fields, images, in_world, textures
 
 _OF_HIGH = "normals", "displacement", "colors"
 
@@ -76,8 +75,8 @@ def read(
             raise Skipped("select the detailed objects, and last the one that gets the maps")
     faces, names, skipped = textures.read_faces(context, objects, None, None, with_normals=True)
     with meshes.object_mode(context):
-        parts, left = _read_each(details)
-        others = _others(context, [*objects, *details]) if occlude else []
+        parts, left = in_world.read_each(details)
+        others = in_world.others(context, [*objects, *details]) if occlude else []
     skipped += sentences(left)
     if details and not parts:
         reasons = as_reason(" ".join(skipped))
@@ -167,56 +166,6 @@ def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:
         between.location = node.location[0] + 300.0, node.location[1]
         links.new(node.outputs["Color"], between.inputs["Color"])
         links.new(between.outputs["Normal"], normal)
-
-
-def _others(context: bpy.types.Context, left: list[bpy.types.Object]) -> list[WorldMesh]:
-    shown = [obj for obj in context.visible_objects if obj.type == "MESH" and not obj.hide_render]
-    # What cannot be read is in another mode, or has no faces: it casts no shadow.
-    return _read_each([obj for obj in shown if obj not in left])[0]
-
-
-def _read_each(
-    objects: list[bpy.types.Object],
-) -> tuple[list[WorldMesh], list[tuple[str, str]]]:
-    # Meshes, and names and reasons of objects that cannot be read.
-    found, left = [], []
-    for obj in objects:
-        try:
-            found.append(_read(obj))
-        except Skipped as reason:
-            left.append((obj.name, str(reason)))
-    return found, left
-
-
-def _read(obj: bpy.types.Object) -> WorldMesh:
-    # As it is seen, with its modifiers, which may be what makes its faces.
-    meshes.check_in_object_mode(obj)
-    matrix = meshes.matrix_in_world(obj)
-    with visible.evaluated(obj) as (seen, _):
-        mesh = seen.data
-        if not mesh.polygons:
-            raise Skipped("it has no faces; add some, or select another object")
-        triangles = meshes.read_triangles(mesh).astype(np.int64)
-        positions = meshes.read_positions(mesh).astype(np.float64)
-        colors = _colors(mesh)
-    if np.linalg.det(matrix[:3, :3]) < 0:
-        triangles = triangles[:, ::-1]
-    return WorldMesh(positions @ matrix[:3, :3].T + matrix[:3, 3], triangles, colors)
-
-
-def _colors(mesh: bpy.types.Mesh) -> npt.NDArray[np.float64] | None:
-    # The mean of the corners' colors at each vertex.
-    attribute = mesh.color_attributes.active_color
-    if attribute is None:
-        return None
-    values = arrays.read_attribute(attribute).astype(np.float64)[:, :3]
-    if attribute.domain == "POINT" or not np.isfinite(values).all():
-        return values if np.isfinite(values).all() else None
-    vertices = meshes.read_corner_vertices(mesh)
-    count = len(mesh.vertices)
-    sums = [np.bincount(vertices, column, minlength=count) for column in values.T]
-    number = np.maximum(np.bincount(vertices, minlength=count), 1)
-    return np.stack(sums, axis=1) / number[:, None]
 
 
 def _joined(parts: list[WorldMesh]) -> WorldMesh:
