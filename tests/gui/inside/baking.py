@@ -14,7 +14,7 @@ from harness import (
     area,
     buttons,
     click,
-    click_header,
+    click_last_within,
     finished,
     open_own_panel,
     open_tab,
@@ -26,7 +26,7 @@ from harness import (
 )
 from mathutils import Vector
 
-GENERATE = MAPS = -2
+GENERATE, FLOW = -2, -1
 """Numbers of the headers of panels in the tab, from the bottom."""
 
 SIDE = 256
@@ -47,7 +47,11 @@ def scenario() -> Steps:
         yield from finished()
     low = bpy.context.object
     report["faces"] = len(part.data.polygons), len(low.data.polygons)
+    plain = bpy.data.materials.new("Plain")
+    plain.use_nodes = True
+    low.data.materials.append(plain)
     bare = rendered(low)
+    low.data.materials.clear()
     unwrap(low)
     high = part
     report["is_hidden"] = high.hide_get()
@@ -55,16 +59,19 @@ def scenario() -> Steps:
     high.select_set(True)
     yield from open_own_panel(GENERATE)
     before = yield from buttons()
-    yield from click_header(MAPS)
+    picture("bake-maps-closed", area("VIEW_3D"), width=1400)
+    yield from click_last_within(FLOW)
+    picture("bake-maps-open", area("VIEW_3D"), width=1400)
     places = yield from buttons()
     report["buttons"] = len(places) - len(before)
     yield from click(places[-1])
     yield from finished()
     yield from park()
     yield DRAWN
-    report["said"] = addon("operators.base").summaries.get("generate", "")
+    report["told"] = addon("operators.base").summaries.get("generate", "")
     report["images"] = sorted(bpy.data.images.keys())
     picture("bake-maps", area("VIEW_3D"), width=1400)
+    high.data.materials.append(plain)
     both = rendered(high), rendered(low)
     np.save(PICTURES / "bake-maps-high-low.npy", np.hstack([*both, bare])[::-1])
     report["bare"], report["baked"] = (apart(both[0], each) for each in (bare, both[1]))
@@ -99,7 +106,8 @@ def rendered(shown: bpy.types.Object) -> np.ndarray:
 def light(settings: bpy.types.Scene) -> None:
     """Add a sun, a gray sky and a camera, and let Cycles draw."""
     settings.render.engine = "CYCLES"
-    settings.cycles.device, settings.cycles.samples = "CPU", 16
+    settings.cycles.device, settings.cycles.samples = "CPU", 48
+    settings.cycles.use_denoising = False  # not all builds can
     settings.render.resolution_x = settings.render.resolution_y = SIDE
     settings.view_settings.view_transform = "Standard"
     settings.world = bpy.data.worlds.new("World")
