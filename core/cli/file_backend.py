@@ -91,12 +91,20 @@ class FileBackend:
                 " in front of this one",
             )
         if command is BAKE_MAPS:
-            parser.add_argument("--map", choices=MAPS, required=True, help="what to bake")
+            parser.add_argument(
+                "--map",
+                choices=MAPS,
+                required=True,
+                nargs="+",
+                action="extend",
+                help="what to bake in one run; of several maps, OUT part.png becomes"
+                " part_normal.png, part_ao.png and so on",
+            )
             parser.add_argument(
                 "--high",
                 type=FileName,
                 metavar="FILE",
-                help="detailed mesh in the same place, of which the map is",
+                help="detailed mesh in the same place, of which the maps are",
             )
         if command.takes_mask:
             of_meshes = (
@@ -149,7 +157,8 @@ class FileBackend:
         if command is BAKE_MAPS:
             size = options.size or options.like
             words = {"high": options.high, "size": size, "settings": settings}
-            return command.load()(source, target, options.map, options=asked, **words)
+            out = target.with_name(Path(options.output).name)  # the target is that of the first map
+            return command.load()(source, out, options.map, options=asked, **words)
         if command.kind is MASK:
             size = options.size or options.like
             return command.load()(source, target, settings.kind, size, asked)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -120,17 +120,34 @@ def is_big(source: Path, target: Path) -> bool:
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     """Write pixels without a source file, in the format of the target's ending."""
-    check_target(target, FORMATS)
-    ending = target.suffix.lower()
-    if ending != ARRAY:
-        check_format(target, ending, pixels)
-    pixels = without_plain_opacity(ending, pixels)
-    with staged(target, overwrite) as path:
-        if ending == ARRAY:
-            np.save(path, pixels)
-        else:
-            FORMATS[ending].write(path, ImageFile(pixels, ""), pixels)
-        read_back(path, pixels)
+    write_image_files({target: pixels}, overwrite)
+
+
+def write_image_files(images: Mapping[Path, Pixels], overwrite: bool) -> None:
+    """Write pixels into files of one folder and of one format; all appear, or none.
+
+    Parameters
+    ----------
+    images : mapping of path to array
+        That of the first is the one that others are named beside.
+    overwrite : bool
+    """
+    first = next(iter(images))
+    ready = {}
+    for target, pixels in images.items():
+        check_target(target, FORMATS)
+        ending = target.suffix.lower()
+        if ending != ARRAY:
+            check_format(target, ending, pixels)
+        ready[target.name] = without_plain_opacity(ending, pixels)
+    with staged(first, overwrite, own=ready) as stage:
+        for name, pixels in ready.items():
+            path = stage if name == first.name else stage.with_name(name)
+            if path.suffix.lower() == ARRAY:
+                np.save(path, pixels)
+            else:
+                FORMATS[path.suffix.lower()].write(path, ImageFile(pixels, ""), pixels)
+            read_back(path, pixels)
 
 
 def _filter(
