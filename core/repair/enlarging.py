@@ -57,7 +57,9 @@ def enlarge_texture(
     -----
     The gutter is filled from across the seams, but for what is painted in texels that charts cover
     in part, and beside seams where different materials meet; the picture is enlarged as
-    `sharpen_image` does, and the gutter is filled anew at the new size.
+    `sharpen_image` does, and the gutter is filled anew at the new size. Where reducing mixed the
+    background into rims of charts, it stays beside them, so that they are enlarged as an edge and
+    not as a dark line.
 
     Examples
     --------
@@ -112,9 +114,7 @@ def _widened(texture: Texture, settings: EnlargeSettings) -> npt.NDArray:
     return wide
 
 
-def _with_background(
-    texture: Texture, wide: npt.NDArray, larger: TextureAtlas
-) -> npt.NDArray:
+def _with_background(texture: Texture, wide: npt.NDArray, larger: TextureAtlas) -> npt.NDArray:
     # Rims that hold some of the background need it beside them to be told from dark lines.
     inside = texture.atlas.inside
     if inside.all():

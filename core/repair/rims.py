@@ -17,7 +17,7 @@ _NEAR = 3
 _FAR = 6
 """Texels along the rim over which its share is averaged, twice."""
 
-_LEAST, _SURE = 0.1, 0.4
+_LEAST, _SURE = 0.25, 0.5
 """Slopes of the regression that are chance, and that are certain."""
 
 _FAINT = 0.02
