@@ -151,11 +151,14 @@ class Kernel:
 
     @functools.cached_property
     def dispatcher(self) -> Any:
-        """The kernel compiled by numba; not kept, as extensions must not write to their folder."""
+        """The kernel compiled by numba; kept where NUMBA_CACHE_DIR says, as extensions must not
+        write to their folder."""
+        from numba import config
+
         from .kernel_cache import compile_kernel, let_numba_call
 
         let_numba_call(Kernel)
-        return compile_kernel(self.py_func, self.fastmath, keep=False)
+        return compile_kernel(self.py_func, self.fastmath, keep=bool(config.CACHE_DIR))
 
     def _resolve(self, types: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Call:
         names = [type_name(each) for each in arguments]
