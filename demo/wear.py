@@ -113,13 +113,18 @@ def road(folder: Path) -> None:
     nodes, links = material.node_tree.nodes, material.node_tree.links
     shader = nodes["Principled BSDF"]
     shade = next(n for n in nodes if n.type == "TEX_IMAGE" and n.image.name.endswith("_ao"))
-    links.new(shade.outputs["Color"], shader.inputs["Base Color"])
+    mix = nodes.new("ShaderNodeMixRGB")
+    mix.blend_type, mix.inputs[0].default_value = "MULTIPLY", 1.0
+    mix.inputs[2].default_value = shader.inputs["Base Color"].default_value  # as the other part is
+    links.new(shade.outputs["Color"], mix.inputs[1])
+    links.new(mix.outputs[0], shader.inputs["Base Color"])
     print(f"{len(high.data.polygons)} faces, low poly {len(low.data.polygons)}")
     pictures = []
+    bpy.context.scene.view_settings.exposure = -0.3  # both are light gray
     for shown, hidden in ((high, low), (low, high)):
         hidden.hide_render, shown.hide_render = True, False
-        pictures.append(_render(shown, folder / "part.png"))
-    _tile(pictures, 2).save(folder / "road.png", optimize=True)
+        pictures.append(_render(shown, folder / "part.png", sky=0.3))
+    _tile(pictures, 2, 96).save(folder / "road.png", optimize=True)
     shock_filter.unregister()
 
 
@@ -210,7 +215,7 @@ def _dress(obj: Any, mask: np.ndarray) -> None:
     obj.data.materials.append(material)
 
 
-def _render(obj: Any, path: Path) -> Image.Image:
+def _render(obj: Any, path: Path, sky: float = 1.0) -> Image.Image:
     scene = bpy.context.scene
     for other in [each for each in bpy.data.objects if each.type in ("LIGHT", "CAMERA")]:
         bpy.data.objects.remove(other)
@@ -219,8 +224,8 @@ def _render(obj: Any, path: Path) -> Image.Image:
     scene.view_settings.view_transform = "Standard"
     scene.world = bpy.data.worlds.new("World")
     scene.world.use_nodes = True
-    sky = scene.world.node_tree.nodes["Background"]
-    sky.inputs["Color"].default_value = 0.6, 0.65, 0.7, 1
+    light = scene.world.node_tree.nodes["Background"].inputs
+    light["Color"].default_value, light["Strength"].default_value = (0.6, 0.65, 0.7, 1), sky
     bpy.ops.object.light_add(type="SUN", rotation=(0.6, 0.3, 0.5))
     bpy.context.object.data.energy = 2
     corners = [obj.matrix_world @ Vector(corner) for corner in obj.bound_box]
@@ -238,13 +243,13 @@ def _render(obj: Any, path: Path) -> Image.Image:
     return picture
 
 
-def _tile(pictures: list[Image.Image], columns: int) -> Image.Image:
+def _tile(pictures: list[Image.Image], columns: int, colors: int = COUNT) -> Image.Image:
     rows = -(-len(pictures) // columns)
     sheet = Image.new("RGB", (columns * PIXELS, rows * PIXELS))
     for number, picture in enumerate(pictures):
         row, column = divmod(number, columns)
         sheet.paste(picture, (column * PIXELS, row * PIXELS))
-    return sheet.resize((sheet.width // 2, sheet.height // 2)).quantize(COUNT, dither=0)
+    return sheet.resize((sheet.width // 2, sheet.height // 2)).quantize(colors, dither=0)
 
 
 def main() -> None:

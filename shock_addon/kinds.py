@@ -249,10 +249,17 @@ DATA = {
     ),
     **{
         kind: Data("fields", _GENERATED, make_image, object_modes=("OBJECT",), in_floats=True)
-        for kind in ("curvature", "occlusion", "thickness")
+        for kind in ("curvature", "thickness")
     },
+    "occlusion": Data(
+        "fields", ("occlude", *_GENERATED), make_image, object_modes=("OBJECT",), in_floats=True
+    ),
     "wear": Data(
-        "fields", ("into", *_GENERATED), make_image, object_modes=("OBJECT",), in_floats=True
+        "fields",
+        ("marked", "into", *_GENERATED),
+        make_image,
+        object_modes=("OBJECT",),
+        in_floats=True,
     ),
     "flow": Data("films", (*_FRAMES, *_ON_SURFACE), draw_frames, object_modes=("OBJECT",)),
     "attribute_flow": Data(

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
+from ..maps.names import SUFFIXES
 from ..registry import FILTERS, MASK, Filter, Kind
 from ..settings import BakeSettings, MaskSettings, ModelSettings
 
@@ -48,6 +49,9 @@ def _repair_model_file() -> Any:
     return repair_model_file
 
 
+TILES = "make_tileable"
+"""Name of the command that can also draw how its result tiles."""
+
 REPAIR_MODEL = Command(
     "repair_model",
     "files.models",
@@ -67,7 +71,7 @@ def _bake_file() -> Any:
     return bake_file
 
 
-MAPS = ("normals", "displacement", "curvature", "occlusion", "bent_normals", "thickness")
+MAPS = tuple(name for name in SUFFIXES if name != "colors")
 """What is baked: the maps of `core.bake_maps` that need no colors."""
 
 BAKE_MAPS = Command(
@@ -76,7 +80,7 @@ BAKE_MAPS = Command(
     BakeSettings,
     Kind("bake", "mesh file with texture coordinates", is_drawn=True),
     "bake-maps",
-    "bake a map of a mesh, or of a detailed mesh onto a simple one",
+    "bake maps of a mesh, or of a detailed mesh onto a simple one",
     _bake_file,
     takes_mask=False,
 )

@@ -13,6 +13,7 @@ from typing import Any
 from ..errors import ShockError
 from ..files.output import check_plain
 from ..files.staging import tidy
+from ..maps.names import files_of_maps
 
 
 class UsageError(Exception):
@@ -45,6 +46,9 @@ def _files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
         tidy(Path(options.output))
         return [(options.inputs[0], Path(options.output))]
     pairs = _pairs(options.inputs, options.output)
+    if maps := getattr(options, "map", None):
+        # The files of the others appear with that of the first.
+        pairs = [(source, files_of_maps(target, maps)[0]) for source, target in pairs]
     for source, target in pairs if options.cluster is not None or options.resume else ():
         if os.path.realpath(source) == os.path.realpath(target):
             raise UsageError(

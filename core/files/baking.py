@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,14 @@ from ..atlas import TextureAtlas
 from ..base.progress import phase, reporting
 from ..errors import ShockError
 from ..maps.baking import SIGNED, bake_maps
+from ..maps.names import files_of_maps
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld
 from ..settings import BakeSettings
 from .fields import field_outcome, field_pixels
 from .formats.mesh.trimesh import SceneFile
 from .image_formats import FORMATS, image_size
-from .images import write_image_file
+from .images import write_image_files
 from .meshes import IN_PLACE, read_document
 from .output import DEFAULTS, Options, Outcome, check_free
 from .reading import check_target
@@ -27,39 +29,34 @@ from .textures import RAW, read_textured_mesh
 def bake_file(
     mesh: str | Path,
     target: str | Path,
-    name: str,
+    maps: Sequence[str],
     high: str | Path | None,
     size: tuple[int, int] | str | Path,
     settings: BakeSettings,
     options: Options = DEFAULTS,
 ) -> Outcome:
-    """Bake a map of a mesh file, and write it as an image.
+    """Bake maps of a mesh file in one run, and write them as images.
 
     Parameters
     ----------
     mesh, target, size, options
-        As in :func:`shock_filter.core.files.fields.field_file`.
-    name : str
-        A map of `bake_maps` that needs no colors.
+        As in :func:`shock_filter.core.files.fields.field_file`. Files of several maps are named by
+        `files_of_maps`, and appear together.
+    maps : sequence of str
+        Maps of `bake_maps` that need no colors.
     high : path, optional
-        The file of the detailed mesh of which the map is.
+        The file of the detailed mesh of which the maps are.
     settings : BakeSettings
 
     Raises
     ------
     ShockError
-        If a file cannot be read or written, or the map needs a detailed mesh.
+        If a file cannot be read or written, or a map needs a detailed mesh.
     """
-    target = Path(target)
-    check_target(target, FORMATS)
-    check_free(target, options.overwrite)
-    if high is None and name in ("normals", "displacement"):
-        raise ShockError(f"A map of {name} is that of a detailed mesh; name its file with --high.")
-    if name in SIGNED and settings.look == "values" and target.suffix.lower() not in RAW:
-        raise ShockError(
-            f"Values of {name} may be negative, and {target.suffix} files hold 0 to 1; choose"
-            " --look gray, or write .npy, .tif or .exr."
-        )
+    maps = list(dict.fromkeys(maps))
+    targets = dict(zip(maps, files_of_maps(Path(target), maps), strict=True))
+    for name, each in targets.items():
+        _check(name, each, high is not None, settings.look, options.overwrite)
     height, width = size if isinstance(size, tuple) else image_size(size, options.any_size)
     surface = read_textured_mesh(mesh, options.material, options.any_size)
     detailed = None if high is None else _read_detailed(Path(high), options.any_size)
@@ -67,15 +64,36 @@ def bake_file(
         with phase(0.0, 0.1, "Finding the charts"):
             atlas = TextureAtlas(surface.mesh, surface.uv, size=(height, width))
         with phase(0.1, 1.0, "Baking maps"):
-            values = bake_maps(
-                surface.mesh, surface.uv, settings, size=(height, width), maps=[name],
-                high=detailed, atlas=atlas,
-            )[name]  # fmt: skip
-    depth = np.uint16 if target.suffix.lower() == ".png" else np.uint8
-    pixels = field_pixels(values, atlas.inside, target, depth)
-    write_image_file(target, np.ascontiguousarray(pixels[::-1]), options.overwrite)
+            baked = bake_maps(
+                surface.mesh, surface.uv, settings, size=(height, width), maps=maps, high=detailed,
+                atlas=atlas,
+            )  # fmt: skip
+    images = {}
+    for name, each in targets.items():
+        depth = np.uint16 if each.suffix.lower() == ".png" else np.uint8
+        pixels = field_pixels(baked[name], atlas.inside, each, depth)
+        images[each] = np.ascontiguousarray(pixels[::-1])
+    write_image_files(images, options.overwrite)
     notes = (*surface.notes, *atlas.report.sentences())
-    return field_outcome(values.reshape(height, width, -1).mean(axis=2), atlas.inside, notes)
+    if len(maps) == 1:
+        (values,) = baked.values()
+        return field_outcome(values.reshape(height, width, -1).mean(axis=2), atlas.inside, notes)
+    names = ", ".join(each.name for each in targets.values())
+    done = f"{names} on {{changed}} of {{total}} texels"
+    return Outcome(height * width, int(atlas.inside.sum()), notes, done)
+
+
+def _check(name: str, target: Path, has_high: bool, look: str, overwrite: bool) -> None:
+    # Before anything is computed.
+    check_target(target, FORMATS)
+    check_free(target, overwrite)
+    if not has_high and name in ("normals", "displacement"):
+        raise ShockError(f"A map of {name} is that of a detailed mesh; name its file with --high.")
+    if name in SIGNED and look == "values" and target.suffix.lower() not in RAW:
+        raise ShockError(
+            f"Values of {name} may be negative, and {target.suffix} files hold 0 to 1; choose"
+            " --look gray, or write .npy, .tif or .exr."
+        )
 
 
 def _read_detailed(path: Path, any_size: bool) -> TriangleMesh:

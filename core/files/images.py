@@ -10,12 +10,15 @@ from __future__ import annotations
 import inspect
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base.progress import reporting
+from ..errors import ShockError
+from ..repair.picture import repeated
 from .formats.array.zarr import ENDING as ZARR
 from .formats.image.image_file import ImageFile
 from .formats.image.second_look import check_brightness
@@ -31,9 +34,10 @@ from .image_formats import (
     read_back,
     read_beside,
     read_image,
+    read_pixels,
     without_plain_opacity,
 )
-from .output import DEFAULTS, Options, Outcome, staged
+from .output import DEFAULTS, Options, Outcome, check_free, staged
 from .reading import check_source, check_target, reading, writing
 
 TIFFS = (".tif", ".tiff")
@@ -106,6 +110,37 @@ def filter_image_file(
         return _filter(source, path, fill, options.any_size, times, upright)
 
 
+def filter_tile_file(
+    function: Callable[..., Pixels],
+    source: str | Path,
+    target: str | Path,
+    options: Options,
+    picture: Path,
+    axes: str,
+) -> Outcome:
+    """Filter an image file as `filter_image_file` does, and draw how the result tiles.
+
+    Parameters
+    ----------
+    function, source, target, options
+        As in `filter_image_file`.
+    picture : path
+        Another image, of the result three times along each joined axis.
+    axes : {"both", "x", "y"}
+        As `TileSettings.axes`.
+    """
+    check_target(picture, FORMATS)
+    check_free(picture, options.overwrite)
+    outcome = filter_image_file(function, source, target, options)
+    try:
+        pixels = read_pixels(target, options.any_size)
+        write_image_file(picture, repeated(pixels, axes), options.overwrite)
+    except (ShockError, OSError) as error:
+        note = f"the picture was not written: {error}"
+        return replace(outcome, notes=(*outcome.notes, note))
+    return outcome
+
+
 def is_big(source: Path, target: Path) -> bool:
     """Whether an image is filtered chunk by chunk because it may not fit into memory."""
     endings = source.suffix.lower(), target.suffix.lower()
@@ -120,17 +155,34 @@ def is_big(source: Path, target: Path) -> bool:
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     """Write pixels without a source file, in the format of the target's ending."""
-    check_target(target, FORMATS)
-    ending = target.suffix.lower()
-    if ending != ARRAY:
-        check_format(target, ending, pixels)
-    pixels = without_plain_opacity(ending, pixels)
-    with staged(target, overwrite) as path:
-        if ending == ARRAY:
-            np.save(path, pixels)
-        else:
-            FORMATS[ending].write(path, ImageFile(pixels, ""), pixels)
-        read_back(path, pixels)
+    write_image_files({target: pixels}, overwrite)
+
+
+def write_image_files(images: Mapping[Path, Pixels], overwrite: bool) -> None:
+    """Write pixels into files of one folder and of one format; all appear, or none.
+
+    Parameters
+    ----------
+    images : mapping of path to array
+        That of the first is the one that others are named beside.
+    overwrite : bool
+    """
+    first = next(iter(images))
+    ready = {}
+    for target, pixels in images.items():
+        check_target(target, FORMATS)
+        ending = target.suffix.lower()
+        if ending != ARRAY:
+            check_format(target, ending, pixels)
+        ready[target.name] = without_plain_opacity(ending, pixels)
+    with staged(first, overwrite, own=ready) as stage:
+        for name, pixels in ready.items():
+            path = stage if name == first.name else stage.with_name(name)
+            if path.suffix.lower() == ARRAY:
+                np.save(path, pixels)
+            else:
+                FORMATS[path.suffix.lower()].write(path, ImageFile(pixels, ""), pixels)
+            read_back(path, pixels)
 
 
 def _filter(

@@ -40,7 +40,8 @@ class FieldSurface:
         Height and width of the image.
     given : mapping
         Keyword arguments for the function in the registry, without its settings. Directions may
-        also be given by name (`along`), or by numbers at the corners with this gradient (`rising`).
+        also be given by name (`along`), or by numbers at the corners with this gradient (`rising`),
+        and what occludes as a list of `WorldMesh`.
     at_vertices : bool
         Whether values at the vertices are computed instead of an image.
     is_tried : bool
@@ -149,6 +150,8 @@ def generate(
                 given["directions"], given["at"] = named_directions(atlas.mesh, given.pop("along"))
             if "rising" in given:
                 given["directions"] = gradient_directions(atlas.mesh, given.pop("rising"))
+            if "occluders" in given:
+                given["occluders"] = [each.mesh for each in given["occluders"]]
             if "directions" in given:
                 given.setdefault("at", "faces")
             made: Any

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -12,18 +12,17 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.normal_frames import NormalFrames
 from ..base.checks import Floats, as_array, by_keyword, checked_size
-from ..base.parallel import kernel, run
+from ..base.findings import tell
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
-from ..mesh.calculus import average_to_vertices, unit_vectors
 from ..mesh.curvature import curvatures_of
 from ..mesh.jets import Frames, radii_of
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
-from ..rays.boxes import STACK, first_hit
 from ..settings import BakeSettings, DilateSettings, given_or_default
 from ..texture.normal_maps import checked_normals
 from ..texture.texels import Texture, written
 from .drawing import atlas_for, drawn_smoothly, with_gutter
+from .projecting import Onto, project
 from .traced import on_sheet, smoothed
 from .tracing import (
     Scene,
@@ -31,12 +30,10 @@ from .tracing import (
     checked_occluders,
     look_around,
     look_inside,
-    read_corners,
-    scaled_to,
     scene_of,
-    shading_normals,
     texel_sites,
 )
+from .unmet import Unmet
 
 _Single = npt.NDArray[np.float32]
 
@@ -45,24 +42,23 @@ SIGNED = "curvature", "displacement"
 
 _OF_ONE = "curvature", "occlusion", "bent_normals", "thickness"
 
+_TRACED = _OF_ONE[1:]
+"""Those of rays."""
+
 MAPS = (*_OF_ONE, "normals", "displacement", "colors")
 """All maps; the last three are those of a detailed mesh."""
-
-_CAGE = 0.05
-"""The automatic cage, in lengths of the diagonal of the box around the simple mesh."""
 
 _SHOWN = 0.98
 """The part of the texels whose curvature lies in the range of grays."""
 
+_WHITE = {
+    "displacement": "In the map of heights, white is {white:.3g} above, black as much below.",
+    "curvature": "In the map of curvature, white is {white:.3g} per unit, black as much inward.",
+    "thickness": "In the map of thickness, white is {white:.3g}.",
+}
+"""What is told of grays."""
+
 _BAKING = "Baking maps"
-
-
-class _Onto(NamedTuple):
-    # Where the texels of a simple mesh lie on the detailed one, in the units of its scene.
-    sites: Sites
-    faces: npt.NDArray[np.int32]  # -1 where nothing was found
-    shares: Floats  # barycentric coordinates
-    heights: _Single
 
 
 @by_keyword
@@ -121,9 +117,9 @@ def bake_maps(
     Notes
     -----
     From each texel rays go up and down along the smooth normal of the simple mesh, as far as the
-    cage; the nearer place that faces the same way is taken. Where there is none, normals,
-    displacement and rays are those of the simple mesh, and curvature and colors are 0. Tangents are
-    those of MikkTSpace, as in Blender.
+    cage; the nearer place that faces the same way is taken. Where there is none, normals and
+    displacement are those of the simple mesh, and all others are filled smoothly from around on the
+    surface, which a finding tells. Tangents are those of MikkTSpace, as in Blender.
 
     Examples
     --------
@@ -147,23 +143,25 @@ def bake_maps(
         check_mesh(high)
     source = mesh if high is None else high
     painted = None if colors is None else _checked_colors(source, colors)
+    by_rays = 18 * bool(set(wanted) & set(_TRACED))
+    bent, in_colors = 4 * ("curvature" in wanted), int("colors" in wanted)
+    parts = iter(_parts([6, 3, by_rays, bent + in_colors, *([1] * len(wanted))]))
     with reporting(progress):
-        with phase(0.0, 0.15, "Finding texels"):
+        with phase(*next(parts), "Finding texels"):
             found = atlas_for(atlas, mesh, uv, shape)
-        with phase(0.15, 0.25, _BAKING):
+        with phase(*next(parts), _BAKING):
             scene = scene_of(source, others, settings.ground)
             sites = texel_sites(found)
             alone = scene if high is None or not others else scene_of(high)
-            onto = None if high is None else _onto(found, sites, alone, high, settings.cage)
+            onto = None if high is None else project(found, sites, alone, high, settings.cage)
         baker = _Baker(found, source, sites if onto is None else onto.sites, scene, settings, onto)
-        with phase(0.25, 0.8, "Tracing rays"):
+        with phase(*next(parts), "Tracing rays"):
             sheets = baker.traced(wanted)
-        with phase(0.8, 0.9, _BAKING):
+        with phase(*next(parts), _BAKING):
             sheets |= baker.read(wanted, painted)
         images = {}
-        for number, name in enumerate(wanted):
-            begin, end = (0.9 + 0.1 * n / len(wanted) for n in (number, number + 1))
-            with phase(begin, end, "Filling the gutter"):
+        for name, part in zip(wanted, parts, strict=True):
+            with phase(*part, "Filling the gutter"):
                 images[name] = baker.image(name, sheets[name], given)
         return images
 
@@ -178,29 +176,36 @@ class _Baker:
         sites: Sites,
         scene: Scene,
         settings: BakeSettings,
-        onto: _Onto | None,
+        onto: Onto | None,
     ) -> None:
         self._atlas, self._mesh, self._sites, self._onto = atlas, mesh, sites, onto
         self._scene, self._settings = scene, settings
+        numbers = sites.numbers[:0] if onto is None else sites.numbers[onto.faces < 0]
+        self._unmet = Unmet(atlas, numbers)
 
     def traced(self, wanted: Sequence[str]) -> dict[str, _Single]:
         """Return what comes of rays, on the sheet."""
         scene, sites, settings = self._scene, self._sites, self._settings
         halves: dict[str, _Single] = {}
-        with phase(0.0, 0.5, "Tracing rays"):
-            if {"occlusion", "bent_normals"} & set(wanted):
+        names = [name for name in _TRACED if name in wanted]
+        is_open, is_thick = bool(set(names) - {"thickness"}), "thickness" in names
+        around, inside, *parts = _parts([5 * is_open, 3 * is_thick, *([2] * len(names))])
+        with phase(*around, "Tracing rays"):
+            if is_open:
                 seen, bent, _ = look_around(scene, sites, settings.rays, settings.distance)
                 halves = {"occlusion": seen, "bent_normals": bent}
-        with phase(0.5, 0.8, "Tracing rays"):
-            if "thickness" in wanted:
+        with phase(*inside, "Tracing rays"):
+            if is_thick:
                 halves["thickness"] = look_inside(scene, sites, settings.rays) * scene.unit
-        names = [name for name in halves if name in wanted]
+        filling = 0.3 * self._unmet.is_needed
         sheets = {}
-        for number, name in enumerate(names):
-            begin, end = (0.8 + 0.2 * n / len(names) for n in (number, number + 1))
-            with phase(begin, end, "Smoothing"):
+        for name, part in zip(names, parts, strict=True):
+            with phase(*part, "Smoothing"):
                 both = on_sheet(self._atlas, sites, halves[name].astype(np.float32))
-                sheets[name] = smoothed(self._atlas, both, settings.smoothing)
+                with phase(0.0, filling, "Filling"):
+                    both = self._unmet.filled(both)
+                with phase(filling, 1.0, "Smoothing"):
+                    sheets[name] = smoothed(self._atlas, both, settings.smoothing)
         if "bent_normals" in sheets:
             vectors = sheets["bent_normals"]
             lengths = np.linalg.norm(vectors, axis=2, keepdims=True)
@@ -211,14 +216,17 @@ class _Baker:
         """Return what is read off the mesh, on the sheet."""
         sheets = {}
         if "curvature" in wanted:
-            frames, radii = Frames(self._mesh), radii_of(self._mesh, 0.0)
-            mean = curvatures_of(self._mesh, frames, radii).mean[:, None]
-            if self._onto is None:
-                sheets["curvature"] = drawn_smoothly(self._atlas, frames, radii, mean)
-            else:
-                sheets["curvature"] = self._at_places(mean)
+            with phase(0.0, 0.5, "Finding curvature"):
+                frames, radii = Frames(self._mesh), radii_of(self._mesh, 0.0)
+                mean = curvatures_of(self._mesh, frames, radii).mean[:, None]
+            with phase(0.5, 0.8, "Drawing"):
+                if self._onto is None:
+                    sheets["curvature"] = drawn_smoothly(self._atlas, frames, radii, mean)
+                else:
+                    sheets["curvature"] = self._at_places(mean)
         if "colors" in wanted and colors is not None:
-            sheets["colors"] = self._at_places(colors)
+            with phase(0.8, 1.0, "Drawing"):
+                sheets["colors"] = self._at_places(colors)
         if self._onto is not None and "displacement" in wanted:
             sheets["displacement"] = self._laid(self._onto.heights[:, None])
         if self._onto is not None and "normals" in wanted:
@@ -252,6 +260,8 @@ class _Baker:
         else:
             part = _SHOWN if name == "curvature" else 1.0
             white = float(np.quantile(inside, part)) if inside.size else 0.0
+        if white > 0:
+            tell(_WHITE[name], white=white)
         scaled = values / np.float32(max(white, 1e-30))
         return np.clip(0.5 + 0.5 * scaled if name in SIGNED else scaled, 0.0, 1.0)
 
@@ -261,10 +271,16 @@ class _Baker:
         corners = values[self._mesh.faces[self._onto.faces]]
         read = np.einsum("kv,kvc->kc", self._onto.shares, corners)
         read[self._onto.faces < 0] = 0.0
-        return self._laid(read)
+        return self._unmet.filled(self._laid(read))
 
     def _laid(self, values: npt.NDArray) -> _Single:
         return on_sheet(self._atlas, self._sites, values.astype(np.float32))
+
+
+def _parts(weights: Sequence[int]) -> list[tuple[float, float]]:
+    # Beginnings and ends of phases of these weights.
+    ends = np.cumsum([0, *weights]) / max(sum(weights), 1)
+    return [(float(a), float(b)) for a, b in pairwise(ends)]
 
 
 def _checked_maps(
@@ -294,79 +310,3 @@ def _checked_colors(mesh: TriangleMesh, colors: npt.ArrayLike) -> Floats:
     if not np.isfinite(values).all():
         raise InvalidSignal("A color is NaN or infinite; give numbers.")
     return values
-
-
-def _onto(
-    atlas: TextureAtlas, sites: Sites, scene: Scene, high: TriangleMesh, cage: float
-) -> _Onto:
-    low = atlas.mesh
-    smooth = unit_vectors(average_to_vertices(low, low.normals))
-    along = read_corners(atlas, sites.numbers, smooth[low.faces])
-    along = unit_vectors(along.astype(np.float64)).astype(np.float32)
-    box = low.box
-    middle = box[0] + 0.5 * (box[1] - box[0])
-    places = middle + low.mean_edge_length * sites.points.astype(np.float64)
-    starts = scaled_to(high, places).astype(np.float32)
-    reach = (cage or _CAGE * float(np.linalg.norm(box[1] - box[0]))) / scene.unit
-    rows = np.full(len(starts), -1, dtype=np.int32)
-    heights = np.zeros(len(starts), dtype=np.float32)
-    run(_project, len(starts), starts, along, scene.tree, reach, scene.off, rows, heights,
-        chunk=1024)  # fmt: skip
-    met = rows >= 0
-    faces = np.where(met, scene.tree.order[rows], -1).astype(np.int32)
-    heights[~met] = 0.0
-    points = starts + heights[:, None] * along
-    corners = high.scaled_vertices[high.faces[faces]]
-    shares = _shares(points.astype(np.float64), corners)
-    ask()
-    normals = np.einsum("kv,kvc->kc", shares, shading_normals(high)[faces])
-    normals = unit_vectors(normals).astype(np.float32)
-    facing = high.normals[faces].astype(np.float32)
-    normals[~met], facing[~met] = sites.normals[~met], sites.facing[~met]
-    on_high = Sites(points.astype(np.float32), normals, facing, sites.numbers)
-    return _Onto(on_high, faces, shares, (heights * np.float32(scene.unit)))
-
-
-def _shares(points: Floats, corners: Floats) -> Floats:
-    # Barycentric coordinates of points (k, 3) in triangles (k, 3, 3), within these.
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    to = points - corners[:, 0]
-    a, b, c = ((x * y).sum(axis=1) for x, y in ((one, one), (one, two), (two, two)))
-    d, e = (to * one).sum(axis=1), (to * two).sum(axis=1)
-    det = np.maximum(a * c - b * b, 1e-300)
-    second = np.clip((c * d - b * e) / det, 0.0, 1.0)
-    third = np.clip((a * e - b * d) / det, 0.0, 1.0)
-    shares = np.stack([np.maximum(1.0 - second - third, 0.0), second, third], axis=1)
-    return shares / shares.sum(axis=1, keepdims=True)
-
-
-@kernel
-def _project(start, stop, points, along, tree, reach, off, rows, heights):
-    # The nearest place above or below, whose face looks the same way.
-    stack = np.empty(STACK, np.int32)
-    triangles = tree.triangles
-    for i in range(start, stop):
-        nearest = reach
-        for side in range(2):
-            sign = np.float32(1.0 if side == 0 else -1.0)
-            back = np.float32(off) * sign
-            dx, dy, dz = sign * along[i, 0], sign * along[i, 1], sign * along[i, 2]
-            ox = points[i, 0] - back * along[i, 0]
-            oy = points[i, 1] - back * along[i, 1]
-            oz = points[i, 2] - back * along[i, 2]
-            gone = np.float32(0)
-            while gone < nearest + off:
-                limit = np.float32(nearest + off - gone)
-                x, y, z = ox + gone * dx, oy + gone * dy, oz + gone * dz
-                far, row = first_hit(tree, x, y, z, dx, dy, dz, limit, False, stack)
-                if row < 0:
-                    break
-                ux, uy, uz = triangles[row, 3], triangles[row, 4], triangles[row, 5]
-                vx, vy, vz = triangles[row, 6], triangles[row, 7], triangles[row, 8]
-                mx, my, mz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-                gone += np.float32(far)
-                if mx * along[i, 0] + my * along[i, 1] + mz * along[i, 2] > 0:
-                    nearest = max(gone - off, 0.0)
-                    rows[i], heights[i] = row, sign * np.float32(gone - off)
-                    break
-                gone += np.float32(off)  # on from the back of a face

@@ -99,6 +99,9 @@ def draw_main(
             draw_search(column, context, parameters, "along_attribute", "attributes")
     if "stretch_along" in target.places:
         column.prop(parameters, "stretch_along")
+    for name in ("occlude", "marked"):
+        if name in target.places:
+            column.prop(parameters, name)
     if "scale_map" in target.places:
         column.prop_search(parameters, "scale_map", bpy.data, "images")
     if "gain_map" in target.places:

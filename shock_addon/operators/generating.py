@@ -224,14 +224,16 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the images, and put them into materials."""
         self._made: dict[str, bpy.types.Image] = {}
-        return write_results(self.targets, results, self._write_one)
+        self._lost: list[str] = []
+        written, skipped = write_results(self.targets, results, self._write_one)
+        return written, skipped + self._lost
 
     def _write_one(self, target: Any, baked: Any) -> bpy.types.Image:
         in_floats = self.depth == "FLOAT"
         made = data.image.baked.write(target, baked.images, self.result, in_floats=in_floats)
         self.result = "\n".join(f"{key}\t{image.name}" for key, image in made.items())
         if self.add_node:
-            data.image.baked.show(target.objects, made)
+            self._lost = data.image.baked.show(target, made)
         for image in made.values():
             data.image.linking.note(image)
         data.replaced.hold([])

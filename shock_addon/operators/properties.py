@@ -405,6 +405,15 @@ _PLACES = {
             *((way.upper(), label(way), about) for way, about in WAYS.items()),
         ],
     ),
+    "occlude": bpy.props.BoolProperty(
+        name="Others Occlude",
+        description="Other visible objects stand in the way of occlusion, too",
+        default=True,
+    ),
+    "marked": bpy.props.BoolProperty(
+        name="Marked Edges",
+        description="Only edges that are marked as sharp are worn, not those that are found",
+    ),
     "scale_map": bpy.props.StringProperty(
         name="Scale Map",
         description="Image of the same size: white has the Scale, middle gray half of it. Empty"

@@ -91,6 +91,70 @@ def test_other_visible_objects_stand_in_the_way(low, select):
     assert np.allclose(read("Low_ao.002"), 1)
 
 
+def test_faces_of_modifiers_stand_in_the_way(low, select):
+    """A wall whose mesh has edges alone, and its faces from a modifier."""
+    mesh = bpy.data.meshes.new("Edge")
+    mesh.from_pydata([(0, -9, -9), (0, 9, -9)], [(0, 1)], [])
+    wall = bpy.data.objects.new("Wall", mesh)
+    bpy.context.collection.objects.link(wall)
+    modifier = wall.modifiers.new("Screw", "SCREW")
+    modifier.angle, modifier.screw_offset, modifier.steps = 0, 18, 1
+    modifier.render_steps = 1
+    bpy.context.view_layer.update()
+    select(low)
+    assert bake(maps={"occlusion"}, rays=64) == {"FINISHED"}
+    assert abs(read("Low_ao")[SIZE // 2, SIZE // 2 + 4, 0] - 0.5) < 0.05
+
+
+def test_modifiers_of_the_detailed_object_are_read(low, select):
+    """Its mesh lies on the low one; a modifier lifts it, another one adds its faces."""
+    high = grid("High", 1)
+    lift = high.modifiers.new("Lift", "DISPLACE")
+    lift.strength, lift.mid_level = 0.1, 0
+    high.modifiers.new("Fine", "SUBSURF").subdivision_type = "SIMPLE"
+    bpy.context.view_layer.update()
+    select(low, high)
+    assert bake(from_selected=True, cage=0.2, maps={"displacement"}) == {"FINISHED"}
+    assert np.allclose(read("Low_height"), 0.5 + 0.5 * 0.1 / 0.2, atol=0.01)
+    assert "white is 0.2 above" in operators.summaries["generate"]
+    lift.show_viewport = False
+    assert bake(from_selected=True, cage=0.2, maps={"displacement"}) == {"FINISHED"}
+    assert np.allclose(read("Low_height.001"), 0.5, atol=0.01)
+
+
+def test_a_cage_that_is_too_small_is_said(low, select):
+    high = grid("High", 1)
+    high.location.z = 0.2
+    bpy.context.view_layer.update()
+    select(low, high)
+    assert bake(from_selected=True, cage=0.1, maps={"normals"}) == {"FINISHED"}
+    assert "within 0.1; raise Cage to about 0.21." in operators.summaries["generate"]
+
+
+def test_objects_are_found_again_whatever_their_names(low, select):
+    """One is renamed during the run and gets its maps, another takes its name and gets none."""
+    gone = grid("Gone", 1)
+    select(low, gone)
+    meanwhile = iter([True])
+
+    def rename(*_):
+        if next(meanwhile, False):
+            bpy.data.objects.remove(gone)
+            low.name = "Renamed"
+            other = bpy.data.objects.new("Low", low.data.copy())
+            bpy.context.collection.objects.link(other)
+
+    operators.listener = rename
+    try:
+        assert bake(maps={"curvature"}) == {"FINISHED"}
+    finally:
+        operators.listener = None
+    nodes = low.active_material.node_tree.nodes
+    assert [node.image.name for node in nodes if node.type == "TEX_IMAGE"] == ["Low_curvature"]
+    assert bpy.data.objects["Low"].active_material is None
+    assert "Skipped Gone: it was removed meanwhile." in operators.summaries["generate"]
+
+
 def test_what_is_missing_is_said(low):
     with pytest.raises(RuntimeError, match="last the one that gets the maps"):
         bake(from_selected=True)

@@ -157,6 +157,36 @@ def test_maps_of_the_shape_are_made(sheet):
     assert dust[heights < 1e-3].min() > 0.9 > dust[(heights > 0.2) & (heights < 0.3)].max()
 
 
+def test_other_objects_occlude_by_choice(sheet):
+    bpy.ops.mesh.primitive_plane_add(size=50, location=(0.5, 0, 0), rotation=(0, np.pi / 2, 0))
+    bpy.context.object.select_set(False)
+    bpy.context.view_layer.objects.active = sheet
+    sheet.select_set(True)
+    words = {"target": "occlusion", "image_size": "256", "occlusion_rays": 32}
+    assert bpy.ops.shock_filter.generate(**words) == {"FINISHED"}
+    shaded = read(f"{sheet.name} Occlusion")
+    assert bpy.ops.shock_filter.generate(occlude=False, **words) == {"FINISHED"}
+    assert shaded.min() < 0.7
+    assert read(f"{sheet.name} Occlusion.001").min() > 0.99
+
+
+def test_marked_edges_are_worn_by_choice(sheet):
+    """A ridge is worn, unless edges elsewhere are marked alone."""
+    for vertex in sheet.data.vertices:
+        vertex.co.z = -abs(vertex.co.x)
+    words = {"target": "wear", "image_size": "256", "wear_breakup": 0, "wear_rays": 8}
+    with pytest.raises(RuntimeError, match="turn Marked Edges off"):
+        bpy.ops.shock_filter.generate(marked=True, **words)
+    assert bpy.ops.shock_filter.generate(marked=True, wear_kind="dirt", **words) == {"FINISHED"}
+    mark_sharp(sheet)
+    assert bpy.ops.shock_filter.generate(marked=True, **words) == {"FINISHED"}
+    assert bpy.ops.shock_filter.generate(**words) == {"FINISHED"}
+    marked, found = (read(f"{sheet.name} Wear.{number}") for number in ("001", "002"))
+    ridge = SIZE // 2
+    assert found[:, ridge].mean() > 0.3
+    assert marked[:, ridge].max() < 0.05
+
+
 @pytest.mark.parametrize(("along", "axis"), [("X", 1), ("Y", 0), ("AROUND_X", 0), ("AROUND_Y", 1)])
 def test_streaks_run_along(sheet, along, axis):
     words = {"along": along, "image_size": str(SIZE)}

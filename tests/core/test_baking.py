@@ -7,6 +7,8 @@ from PIL import Image
 from shapes import grid, icosphere
 from shock_filter import core
 from shock_filter.core import cli
+from shock_filter.core.base.findings import gathering
+from shock_filter.core.maps.baking import MAPS
 
 SIZE = 48, 48
 
@@ -112,6 +114,63 @@ def test_what_the_cage_does_not_reach_stays_flat():
     assert np.abs(baked["displacement"] - (0.5 + 0.5 * 0.5 / 0.6)).max() < 1e-3
 
 
+def test_texels_that_meet_nothing_are_filled_from_around_and_told():
+    low, high, uv = sheets(0.08)
+    x, y, z = high.vertices.T
+    middle = high.vertices[high.faces].mean(axis=1)
+    is_hole = (np.abs(middle[:, 0]) < 0.3) & (np.abs(middle[:, 1] - 0.4) < 0.3)
+    torn = core.TriangleMesh(high.vertices, high.faces[~is_hole])
+    colors = np.stack([0.5 + 0.5 * x, 0.5 + 0.4 * y, np.full_like(z, 0.7)], axis=1)
+    maps = ["colors", "occlusion", "curvature", "normals", "displacement"]
+    few = core.BakeSettings(rays=16)
+    with gathering() as findings:
+        baked = core.bake_maps(low, uv, few, size=SIZE, maps=maps, high=torn, colors=colors)
+    x, y = centres()
+    wanted = np.stack([0.5 + 0.5 * x, 0.5 + 0.4 * y, np.full_like(x, 0.7)], axis=-1)
+    inside = (np.abs(x) < 0.25) & (np.abs(y - 0.4) < 0.25)
+    assert not baked["displacement"][inside].any()
+    assert np.abs(baked["normals"][inside] - [0.5, 0.5, 1.0]).max() < 1e-4
+    assert np.abs(baked["colors"] - wanted)[2:-2, 2:-2].max() < 0.01
+    assert baked["occlusion"][inside].min() > 0.9
+    assert np.abs(baked["curvature"][inside]).min() > 0  # it goes on from the bump beside
+    (said,) = map(str, findings)
+    share = 100 * (baked["displacement"] == 0).mean()
+    assert float(said.split("%")[0]) == pytest.approx(share, abs=0.01)
+    assert said.endswith("within 0.14; there is nothing beside them.")
+
+
+def test_the_cage_that_would_do_is_told():
+    low, high, uv = sheets()
+    away = core.TriangleMesh(high.vertices + [0, 0, 0.5], high.faces)
+    settings = core.BakeSettings(cage=0.1)
+    words = {"size": SIZE, "maps": ["displacement"], "high": away}
+    with gathering() as findings:
+        core.bake_maps(low, uv, settings, **words)
+    said = str(findings[0])
+    assert said == (
+        "100% of the texels meet nothing of the detailed mesh within 0.1; raise Cage to about 0.52."
+    )
+    with gathering() as findings:
+        core.bake_maps(low, uv, settings.changed(cage=0.53), **words)
+    assert not findings
+
+
+def test_whites_of_grays_are_told():
+    low, high, uv = sheets(0.08)
+    words = {"size": SIZE, "maps": ["displacement", "curvature"], "high": high}
+    values = core.bake_maps(low, uv, core.BakeSettings(rays=2), **words)
+    with gathering() as findings:
+        grays = core.bake_maps(low, uv, core.BakeSettings(rays=2, look="gray"), **words)
+    whites = dict(zip(words["maps"], (each.values["white"] for each in findings), strict=True))
+    for name, white in whites.items():
+        wanted = np.clip(0.5 + 0.5 * values[name] / white, 0, 1)
+        assert np.abs(grays[name] - wanted).max() < 1e-6, name
+    assert whites["displacement"] == values["displacement"].max()
+    with gathering() as findings:
+        core.bake_maps(low, uv, core.BakeSettings(rays=2, look="gray", cage=0.2), **words)
+    assert "In the map of heights, white is 0.2 above, black as much below." in map(str, findings)
+
+
 def test_wrong_input_and_cancelling():
     low, high, uv = sheets()
     with pytest.raises(core.InvalidSettings, match="give it as `high`"):
@@ -156,3 +215,126 @@ def test_files_get_the_maps_of_the_functions(tmp_path, monkeypatch, capsys):
     assert cli.main([*words[:4], "normals.npy", "--map", "normals"]) == 1
     assert "--high" in capsys.readouterr().err
     assert not (tmp_path / "height.png").exists() and not (tmp_path / "normals.npy").exists()
+
+
+def test_several_maps_come_in_one_run_under_the_names_that_others_know(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    low, high, uv = sheets(0.08)
+    write_obj(tmp_path / "low.obj", low, uv)
+    write_obj(tmp_path / "high.obj", high)
+    words = ["bake-maps", "low.obj", "part.png", "--high", "high.obj", "--size", "48x48"]
+    words += ["--rays", "8", "--look", "gray", "--map", "normals", "displacement", "normals"]
+    assert cli.main([*words, "--map", "occlusion"]) == 0
+    said = capsys.readouterr().out
+    assert "low.obj -> part_normal.png: part_normal.png, part_height.png, part_ao.png on" in said
+    assert "In the map of heights, white is" in said
+    files = {path.name for path in tmp_path.glob("*.png")}
+    assert files == {"part_normal.png", "part_height.png", "part_ao.png"}
+    settings = core.BakeSettings(rays=8, look="gray")
+    maps = ["normals", "displacement", "occlusion"]
+    wanted = core.bake_maps(low, uv, settings, size=SIZE, maps=maps, high=high)
+    with Image.open("part_height.png") as image:
+        assert image.mode.startswith("I;16")
+        height = np.asarray(image) / 65535
+    np.testing.assert_allclose(height[::-1], wanted["displacement"], atol=2e-5)
+
+
+def test_no_map_of_several_is_written_over_a_file_or_without_the_others(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    low, _, uv = sheets()
+    write_obj(tmp_path / "low.obj", low, uv)
+    words = ["bake-maps", "low.obj", "part.npy", "--size", "16x16", "--rays", "2", "--map"]
+    words += ["curvature", "occlusion"]
+    (tmp_path / "part_ao.npy").write_bytes(b"old")
+    assert cli.main(words) == 1
+    assert "part_ao.npy exists already" in capsys.readouterr().err
+    assert not (tmp_path / "part_curvature.npy").exists()
+    assert cli.main([*words, "--overwrite"]) == 0
+    assert np.load("part_ao.npy").shape == np.load("part_curvature.npy").shape == (16, 16)
+    (tmp_path / "part_ao.npy").unlink()
+    (tmp_path / "part_curvature.npy").unlink()
+    capsys.readouterr()
+    assert cli.main([*words, "--resume"]) == 0
+    assert cli.main([*words, "--resume"]) == 0
+    assert "Skipped, as they are done already: 1" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("maps", [MAPS, ("curvature",), ("thickness", "normals")])
+def test_progress_rises_to_its_end_and_does_not_stand_still(maps):
+    low, high, uv = sheets(0.08)
+    torn = core.TriangleMesh(high.vertices, high.faces[40:])  # so that texels are filled
+    seen = []
+
+    def progress(fraction, message):
+        seen.append((fraction, message))
+        return True
+
+    core.bake_maps(
+        low, uv, core.BakeSettings(rays=16), size=(96, 96), maps=maps, high=torn,
+        colors=torn.vertices, progress=progress,
+    )  # fmt: skip
+    fractions = np.array([fraction for fraction, _ in seen])
+    assert (np.diff(fractions) >= 0).all() and fractions[0] < 0.02 and fractions[-1] == 1
+    assert np.diff(fractions).max() < 0.2
+    moves = np.flatnonzero(np.diff(fractions, prepend=-1) > 0)
+    assert len(moves) > 30
+    assert all(message for _, message in seen[:-1])
+
+
+def test_maps_of_rays_go_on_across_seams():
+    """A ball in six charts, beside a wall; places on seams are read in both charts."""
+    vertices, faces = icosphere(3)
+    ball = core.TriangleMesh(vertices, faces)
+    corners = ball.vertices[ball.faces]
+    middle = corners.mean(axis=1)
+    axis = np.abs(middle).argmax(axis=1)
+    side = (middle[np.arange(len(middle)), axis] > 0).astype(int)
+    rows = np.arange(len(faces))[:, None]
+    across = np.stack([(axis + 1) % 3, (axis + 2) % 3], axis=1)
+    flat = corners[rows[..., None], np.arange(3)[None, :, None], across[:, None, :]]
+    chart = 2 * axis + side
+    uv = np.stack([chart % 3, chart // 3], axis=1)[:, None, :] / (3, 2)
+    uv = uv + (0.5 + 0.48 * flat) / (3, 2)
+    size = 192, 288
+    atlas = core.TextureAtlas(ball, uv, size=size)
+    wall = core.TriangleMesh([[2, -9, -3], [2, 9, -3], [2, 0, 9]], [[0, 1, 2]])
+    maps = ["occlusion", "thickness"]
+    baked = core.bake_maps(
+        ball, uv, core.BakeSettings(), size=size, maps=maps, occluders=[wall], atlas=atlas
+    )
+    ends = {}
+    for face, corner in np.ndindex(len(faces), 3):
+        one, two = faces[face, corner], faces[face, (corner + 1) % 3]
+        ends.setdefault((min(one, two), max(one, two)), []).append((face, corner, one > two))
+    pairs = []
+    for shared in ends.values():
+        both = []
+        for face, corner, is_turned in shared:
+            a, b = uv[face, corner], uv[face, (corner + 1) % 3]
+            both.append((b, a) if is_turned else (a, b))
+        if chart[shared[0][0]] != chart[shared[1][0]]:
+            pairs.append(both)
+    assert len(pairs) > 50
+    for name in maps:
+        image, scale = baked[name], baked[name].max()
+        apart = []
+        for one, two in pairs:
+            for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+                places = [(1 - share) * a + share * b for a, b in (one, two)]
+                first, second = (bilinear(image, place) for place in places)
+                apart.append(abs(first - second) / scale)
+        assert max(apart) < 1 / 255, name
+
+
+def bilinear(image, place):
+    """Read an image between its texels, as renderers do."""
+    x, y = place[0] * image.shape[1] - 0.5, place[1] * image.shape[0] - 0.5
+    left, low = int(np.floor(x)), int(np.floor(y))
+    s, t = x - left, y - low
+    four = image[low : low + 2, left : left + 2]
+    return float((1 - t) * (1 - s) * four[0, 0] + (1 - t) * s * four[0, 1]
+                 + t * (1 - s) * four[1, 0] + t * s * four[1, 1])  # fmt: skip

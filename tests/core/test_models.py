@@ -352,7 +352,7 @@ def test_existing_targets_are_refused_before_anything_is_computed(tmp_path, monk
     for name, words in (("out.png", "exists already"), ("out.txt", "use one of")):
         with pytest.raises(core.ShockError, match=words):
             baking.bake_file(
-                tmp_path / "in.glb", tmp_path / name, "curvature", None, (8, 8),
+                tmp_path / "in.glb", tmp_path / name, ["curvature"], None, (8, 8),
                 core.BakeSettings(),
             )  # fmt: skip
 

@@ -8,35 +8,34 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 import numpy.typing as npt
+from bpy.app.translations import pgettext_rpt
 
 from ....core.host.fields import BakeSurface, WorldMesh
-from .. import arrays
+from ....core.maps.names import SUFFIXES
 from ..chosen import mesh_objects, mesh_users
-from ..mesh import meshes, visible
-from ..skipped import Skipped
-from . import fields, images, textures
-
-SUFFIXES = {
-    "normals": "normal",
-    "displacement": "height",
-    "curvature": "curvature",
-    "occlusion": "ao",
-    "bent_normals": "bent_normal",
-    "thickness": "thickness",
-    "colors": "basecolor",
-}
-"""The ends of the names of images, as other programs know them."""
+from ..mesh import meshes
+from ..skipped import Skipped, as_reason, sentences
+from . import fields, images, in_world, textures
 
 _OF_HIGH = "normals", "displacement", "colors"
 
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """The objects that get maps, the active one first, and what is baked."""
+    """What is baked, and the objects that get the maps.
+
+    Attributes
+    ----------
+    name : str
+        That of the first of these.
+    surface : BakeSurface
+    objects : dict of int to str
+        Names by session uids, the active object first.
+    """
 
     name: str
     surface: BakeSurface
-    objects: list[str]
+    objects: dict[int, str]
 
 
 def read(
@@ -76,8 +75,13 @@ def read(
             raise Skipped("select the detailed objects, and last the one that gets the maps")
     faces, names, skipped = textures.read_faces(context, objects, None, None, with_normals=True)
     with meshes.object_mode(context):
-        high = _joined([_read(obj) for obj in details]) if details else None
-        others = _others(context, [*objects, *details]) if occlude else []
+        parts, left = in_world.read_each(details)
+        others = in_world.others(context, [*objects, *details]) if occlude else []
+    skipped += sentences(left)
+    if details and not parts:
+        reasons = as_reason(" ".join(skipped))
+        raise Skipped("no object could be read. {reasons}", reasons=reasons)
+    high = _joined(parts) if parts else None
     possible = [name for name in SUFFIXES if high is not None or name not in _OF_HIGH]
     if high is not None and high.colors is None:
         possible.remove("colors")
@@ -85,7 +89,8 @@ def read(
     if not wanted:
         raise Skipped("no map is left; choose some, such as curvature")
     surface = BakeSurface(faces, (size, size), wanted, high, others)
-    return BakeTarget(names[0], surface, names), skipped
+    uids = {obj.name: obj.session_uid for obj in objects}
+    return BakeTarget(names[0], surface, {uids[name]: name for name in names}), skipped
 
 
 def write(
@@ -117,11 +122,20 @@ def write(
     return made
 
 
-def show(names: list[str], made: dict[str, bpy.types.Image]) -> None:
-    """Put maps into the active materials of objects: normals and colors linked, others not."""
-    for name in names:
-        obj = bpy.data.objects.get(name)
-        if obj is None:  # deleted or renamed meanwhile
+def show(target: BakeTarget, made: dict[str, bpy.types.Image]) -> list[str]:
+    """Put maps into the active materials of objects: normals and colors linked, others not.
+
+    Returns
+    -------
+    list of str
+        A sentence for each object that was left alone.
+    """
+    there = {obj.session_uid: obj for obj in bpy.data.objects}
+    left = []
+    for uid, name in target.objects.items():
+        obj = there.get(uid)
+        if obj is None or obj.data is None:
+            left.append((name, pgettext_rpt("it was removed meanwhile")))
             continue
         material = obj.active_material
         if material is None:
@@ -136,6 +150,7 @@ def show(names: list[str], made: dict[str, bpy.types.Image]) -> None:
             continue
         for key, image in made.items():
             _link(material, key, fields.image_node(material, image, activate=False))
+    return sentences(left)
 
 
 def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:
@@ -151,46 +166,6 @@ def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:
         between.location = node.location[0] + 300.0, node.location[1]
         links.new(node.outputs["Color"], between.inputs["Color"])
         links.new(between.outputs["Normal"], normal)
-
-
-def _others(context: bpy.types.Context, left: list[bpy.types.Object]) -> list[WorldMesh]:
-    found = []
-    for obj in context.visible_objects:
-        if obj.type == "MESH" and obj not in left and obj.data.polygons and not obj.hide_render:
-            try:
-                found.append(_read(obj))
-            except Skipped:
-                continue  # flat or in another mode: it casts no shadow
-    return found
-
-
-def _read(obj: bpy.types.Object) -> WorldMesh:
-    # As it is seen, with its modifiers.
-    meshes.check_readable(obj)
-    matrix = meshes.matrix_in_world(obj)
-    with visible.evaluated(obj) as (seen, _):
-        mesh = seen.data
-        triangles = meshes.read_triangles(mesh).astype(np.int64)
-        positions = meshes.read_positions(mesh).astype(np.float64)
-        colors = _colors(mesh)
-    if np.linalg.det(matrix[:3, :3]) < 0:
-        triangles = triangles[:, ::-1]
-    return WorldMesh(positions @ matrix[:3, :3].T + matrix[:3, 3], triangles, colors)
-
-
-def _colors(mesh: bpy.types.Mesh) -> npt.NDArray[np.float64] | None:
-    # The mean of the corners' colors at each vertex.
-    attribute = mesh.color_attributes.active_color
-    if attribute is None:
-        return None
-    values = arrays.read_attribute(attribute).astype(np.float64)[:, :3]
-    if attribute.domain == "POINT" or not np.isfinite(values).all():
-        return values if np.isfinite(values).all() else None
-    vertices = meshes.read_corner_vertices(mesh)
-    count = len(mesh.vertices)
-    sums = [np.bincount(vertices, column, minlength=count) for column in values.T]
-    number = np.maximum(np.bincount(vertices, minlength=count), 1)
-    return np.stack(sums, axis=1) / number[:, None]
 
 
 def _joined(parts: list[WorldMesh]) -> WorldMesh:

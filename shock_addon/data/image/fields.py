@@ -19,7 +19,7 @@ from ..materials import image_nodes
 from ..mesh import meshes
 from ..mesh.vertex_groups import group_weights
 from ..skipped import Skipped, skip_if
-from . import images, textures
+from . import images, in_world, textures
 from .images import ImageTarget
 from .linking import is_linked
 from .tiles import Tiles
@@ -81,6 +81,8 @@ def read_field(
     objects = [bpy.data.objects[name] for name in names]
     with meshes.object_mode(context):
         given, notes = _given(objects, parameters, places, shape)
+        if "occlude" in places and parameters.occlude:
+            given["occluders"] = in_world.others(context, objects)
     at_vertices = "into" in places and parameters.into == "ATTRIBUTE"
     surface = FieldSurface(faces, shape, given, at_vertices)
     uid = 0 if image is None else image.session_uid
@@ -241,6 +243,8 @@ def _given(
         given["along"] = parameters.along.lower()
     if "stretch_along" in places and parameters.stretch_along != "NONE":
         given["along"] = parameters.stretch_along.lower()
+    if "marked" in places and parameters.marked and parameters.wear_kind == "edges":
+        given["edges"] = _marked(objects)
     if "scale_map" in places and parameters.scale_map:
         given["rates"] = _grays(parameters.scale_map, shape)
     return given, []
@@ -328,6 +332,17 @@ def _starts(objects: list[bpy.types.Object], start: str, vertex_group: str = "")
     if not any(len(part) for part in joined.values()):
         raise Skipped(_NOTHING[start])
     return joined
+
+
+def _marked(objects: list[bpy.types.Object]) -> npt.NDArray[np.int32]:
+    # Edges that are marked as sharp, numbered through all objects.
+    try:
+        edges: npt.NDArray[np.int32] = _starts(objects, "SHARP")["edges"]
+    except Skipped:
+        raise Skipped(
+            "no edge is marked as sharp; mark some (Edge > Mark Sharp), or turn Marked Edges off"
+        ) from None
+    return edges
 
 
 def _lowest(objects: list[bpy.types.Object]) -> dict[str, Any]:

@@ -112,6 +112,23 @@ def open_own_panel(number: int, kind: str = "VIEW_3D") -> Steps:
 
 def click_header(number: int, kind: str = "VIEW_3D") -> Steps:
     """Click on the header of one of the tab's panels."""
+    places = yield from headers(kind)
+    yield from click(places[number])
+    yield from park(kind)
+    yield 2 * DRAWN  # it opens slowly
+
+
+def click_last_within(number: int, kind: str = "VIEW_3D") -> Steps:
+    """Click on the header of the last panel within the one above a header, both drawn plainly."""
+    places = yield from headers(kind)
+    left, bottom, right, top = places[number]
+    yield from click((left, top + 4, right, 2 * top - bottom))
+    yield from park(kind)
+    yield 2 * DRAWN
+
+
+def headers(kind: str = "VIEW_3D") -> Iterator[float]:
+    """Find the headers of the tab's panels; the generator returns their rectangles."""
     found = panel_headers(kind)
     true = tuple(getattr(*found))
     setattr(*found, MARK)
@@ -120,9 +137,7 @@ def click_header(number: int, kind: str = "VIEW_3D") -> Steps:
     places = marked(region(kind, "UI"))
     setattr(*found, true)
     yield DRAWN
-    yield from click(places[number])
-    yield from park(kind)
-    yield 2 * DRAWN  # it opens slowly
+    return places
 
 
 def panel_headers(kind: str) -> tuple[Any, str]:
