@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spoil textured models, repair them, and measure what each step brings.
 
-``python benchmarks/repaired_models.py --data FOLDER --models ball spot --write
+``python benchmarks/repaired_models.py --data FOLDER --write
 docs/repair-benchmarks.md``. Decibels of the texels inside charts against what the texture was; the
 steps are switched on one after the other.
 """

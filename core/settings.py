@@ -811,7 +811,7 @@ class DistanceSettings(_Settings):
     width: float = _setting(
         0.0,
         "Where a gradient ends, or how far lines are apart. 0 takes the largest distance for a"
-        " gradient, and a tenth of it for lines",
+        " gradient, from edges a width that fits the model, and a tenth of the largest for lines",
         unit="units of the mesh",
         soft_maximum=10.0,
         length_power=1,

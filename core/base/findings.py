@@ -54,6 +54,23 @@ class EdgeLengths(float):
         return f"{number} edge length" if number == "1" else f"{number} edge lengths"
 
 
+class Length(float):
+    """A length in units of a mesh, which host programs write in those of the scene.
+
+    Examples
+    --------
+    >>> from shock_filter.core.base.findings import Length
+    >>> f"{Length(0.12345)}"
+    '0.123'
+    """
+
+    of_mesh = True
+
+    def __format__(self, _: str) -> str:
+        """Return the number."""
+        return f"{float(self):.3g}"
+
+
 _listening: ContextVar[list[Finding] | None] = ContextVar("shock_filter_findings", default=None)
 
 

@@ -49,6 +49,9 @@ def _repair_model_file() -> Any:
     return repair_model_file
 
 
+TILES = "make_tileable"
+"""Name of the command that can also draw how its result tiles."""
+
 REPAIR_MODEL = Command(
     "repair_model",
     "files.models",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE, Kind
 from ..settings import named, value_of
 from . import flows
-from .commands import BAKE_MAPS, COMMANDS, MAPS, MODEL, REPAIR_MODEL, Command
+from .commands import BAKE_MAPS, COMMANDS, MAPS, MODEL, REPAIR_MODEL, TILES, Command
 from .inputs import FileName
 from .parsing import add_gain_map, add_mask, add_others, add_sources, sources_of
 
@@ -89,6 +89,14 @@ class FileBackend:
                 metavar="PICTURE",
                 help="also draw the model before and after; of several inputs, each gets its name"
                 " in front of this one",
+            )
+        if command.name == TILES:
+            parser.add_argument(
+                "--picture",
+                type=os.path.abspath,
+                metavar="PICTURE",
+                help="also draw the result three times along each joined axis; of several inputs,"
+                " each gets its name in front of this one",
             )
         if command is BAKE_MAPS:
             parser.add_argument(
@@ -176,6 +184,9 @@ class FileBackend:
         if named(command.settings, "enlargement"):
             words["times"] = value_of(settings, "enlargement")
         filtering = partial(function, settings=settings)
+        if command.name == TILES and options.picture:
+            place = _beside(options.picture, source, len(options.inputs))
+            return _tile_file()(filtering, *files, asked, place, settings.axes)
         if command.takes_known and options.like:
             filtering = partial(filtering, known=_measured(options.like, settings, asked))
         return _pipeline(command.kind)(filtering, *files, asked, **words)
@@ -215,6 +226,12 @@ def _pipeline(kind: Kind) -> Any:
     from ..files.textures import filter_texture_file
 
     return filter_texture_file
+
+
+def _tile_file() -> Any:
+    from ..files.images import filter_tile_file
+
+    return filter_tile_file
 
 
 def _visualize(

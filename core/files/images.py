@@ -11,11 +11,14 @@ import inspect
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base.progress import reporting
+from ..errors import ShockError
+from ..repair.picture import repeated
 from .formats.array.zarr import ENDING as ZARR
 from .formats.image.image_file import ImageFile
 from .formats.image.second_look import check_brightness
@@ -31,9 +34,10 @@ from .image_formats import (
     read_back,
     read_beside,
     read_image,
+    read_pixels,
     without_plain_opacity,
 )
-from .output import DEFAULTS, Options, Outcome, staged
+from .output import DEFAULTS, Options, Outcome, check_free, staged
 from .reading import check_source, check_target, reading, writing
 
 TIFFS = (".tif", ".tiff")
@@ -104,6 +108,37 @@ def filter_image_file(
     with staged(target, options.overwrite) as path:
         # Arrays mapped from files must be closed before these can be replaced.
         return _filter(source, path, fill, options.any_size, times, upright)
+
+
+def filter_tile_file(
+    function: Callable[..., Pixels],
+    source: str | Path,
+    target: str | Path,
+    options: Options,
+    picture: Path,
+    axes: str,
+) -> Outcome:
+    """Filter an image file as `filter_image_file` does, and draw how the result tiles.
+
+    Parameters
+    ----------
+    function, source, target, options
+        As in `filter_image_file`.
+    picture : path
+        Another image, of the result three times along each joined axis.
+    axes : {"both", "x", "y"}
+        As `TileSettings.axes`.
+    """
+    check_target(picture, FORMATS)
+    check_free(picture, options.overwrite)
+    outcome = filter_image_file(function, source, target, options)
+    try:
+        pixels = read_pixels(target, options.any_size)
+        write_image_file(picture, repeated(pixels, axes), options.overwrite)
+    except (ShockError, OSError) as error:
+        note = f"the picture was not written: {error}"
+        return replace(outcome, notes=(*outcome.notes, note))
+    return outcome
 
 
 def is_big(source: Path, target: Path) -> bool:

@@ -123,4 +123,16 @@ def _at_corners(old: Colors, corners: npt.NDArray[np.int32], values: Colors) -> 
 def _repainted(surface: ColoredSurface, new: Colors) -> Recolored:
     if surface.free is not None:
         new[~surface.free] = surface.colors[~surface.free]
-    return recolored(surface.colors, new, surface.levels)
+    return recolored(surface.colors, new, surface.levels, _counted(surface))
+
+
+def _counted(surface: ColoredSurface) -> npt.NDArray[np.bool_] | None:
+    # Colors that were filtered; None for all.
+    if surface.mask is None:
+        return surface.free
+    chosen = np.asarray(surface.mask) > 0.0
+    if surface.corners is not None:
+        at_corners = np.zeros(len(surface.colors), dtype=bool)
+        at_corners[surface.corners] = chosen[surface.triangles]
+        chosen = at_corners
+    return chosen if surface.free is None else chosen & surface.free

@@ -66,7 +66,8 @@ def filter_texture(
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
             atlas = atlas_of(surface.faces, (height, width), surface.is_tried)
             mask = _mask(surface, atlas)
-            shown = None if row.fills_gutter else atlas.inside
+            is_limit = row.takes_mask and row.mask_as == "mask"
+            shown = None if row.fills_gutter else _counted(atlas, mask if is_limit else None)
         with phase(_ANALYSIS, 1.0, "Filtering"):
             if surface.guide is not None and row.takes_guide:
                 words["guide"] = _guiding(surface.guide, (height, width))
@@ -213,7 +214,7 @@ def _joined(
 
     picture = surface.picture
     new = filter_channels(picture, function, value_of(settings, "opacity", "auto"))
-    return recolored(picture.pixels, new, picture.levels, atlas.inside)
+    return recolored(picture.pixels, new, picture.levels, _counted(atlas, given["mask"]))
 
 
 def _straight(image: HostImage) -> Pixels:
@@ -238,6 +239,11 @@ def _guiding(guide: HostImage, size: tuple[int, int]) -> Pixels:
     # Multiplied colors are weighted by opacity already.
     is_straight = guide.opacity == "STRAIGHT" and not guide.premultiplied
     return resized(guide.pixels if is_straight else guide.pixels[..., :3], size)
+
+
+def _counted(atlas: TextureAtlas, mask: Floats | None) -> npt.NDArray[np.bool_]:
+    # Texels that are seen and were filtered.
+    return atlas.inside if mask is None else atlas.inside & (mask > 0.0)
 
 
 def _mask(surface: TexturedSurface, atlas: TextureAtlas) -> Floats | None:

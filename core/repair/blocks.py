@@ -42,6 +42,12 @@ _SURE = 6.0
 _FEW = 24
 """Fewest coefficients beyond half a step that tell their step."""
 
+_OTHER_GRIDS = (4, 4), (4, 0), (0, 4)
+"""Shifts of grids on which coefficients of compressed pictures are no multiples of a step."""
+
+_ELSEWHERE = 0.5
+"""Greatest fit there, of that on the picture's own grid. Soft pictures fit alike on all grids."""
+
 _SHIFTS = 2
 """Distance of the grids whose results are averaged, in pixels."""
 
@@ -189,30 +195,46 @@ def _phase_of(bright: Floats) -> int:
 
 
 def _quality(bright: Floats) -> float | None:
-    # The quality whose steps the coefficients of whole blocks fit best.
+    # The quality whose steps the coefficients of whole blocks fit best, and on no other grid.
+    coefficients = _coefficients(bright)
+    if coefficients is None:
+        return None
+    fits = [(*_fit(coefficients, quality), quality) for quality in range(5, 96)]
+    sure, mean, quality = max(fits)
+    if sure <= _SURE or mean <= 0.3:
+        return None
+    for down, right in _OTHER_GRIDS:
+        others = _coefficients(bright[down:, right:])
+        if others is not None and _fit(others, quality)[0] > _ELSEWHERE * sure:
+            return None
+    return float(quality)
+
+
+def _coefficients(bright: Floats) -> Floats | None:
+    # Of all whole blocks: (n, 8, 8); None if there are too few.
     height, width = (n - n % BLOCK for n in bright.shape)
     if min(height, width) < 2 * BLOCK:
         return None
-    coefficients = _transformed(_blocks(bright[:height, :width] - 128.0)).reshape(-1, 8, 8)
-    scores = []
-    for quality in range(5, 96):
-        table = _table(_STANDARD, quality)
-        total, count = 0.0, 0
-        for v in range(4):
-            for u in range(4):
-                step = table[v, u]
-                if not _STEPS[0] <= step <= _STEPS[1] or u + v == 0:
-                    continue
-                values = coefficients[:, v, u]
-                values = values[np.abs(values) > 0.75 * step]
-                if len(values) < _FEW:
-                    continue
-                total += np.cos(2 * np.pi / step * values).sum()
-                count += len(values)
-        scores.append((total / np.sqrt(0.5 * count) if count >= _FEW else 0.0,
-                       total / max(count, 1), quality))  # fmt: skip
-    best = max(scores)
-    return float(best[2]) if best[0] > _SURE and best[1] > 0.3 else None
+    return _transformed(_blocks(bright[:height, :width] - 128.0)).reshape(-1, 8, 8)
+
+
+def _fit(coefficients: Floats, quality: int) -> tuple[float, float]:
+    # How well coefficients are multiples of the steps of a quality, in standard errors and in
+    # the mean.
+    table = _table(_STANDARD, quality)
+    total, count = 0.0, 0
+    for v in range(4):
+        for u in range(4):
+            step = table[v, u]
+            if not _STEPS[0] <= step <= _STEPS[1] or u + v == 0:
+                continue
+            values = coefficients[:, v, u]
+            values = values[np.abs(values) > 0.75 * step]
+            if len(values) < _FEW:
+                continue
+            total += np.cos(2 * np.pi / step * values).sum()
+            count += len(values)
+    return (total / np.sqrt(0.5 * count) if count >= _FEW else 0.0), total / max(count, 1)
 
 
 def _table(standard: Floats, quality: float) -> Floats:

@@ -16,7 +16,6 @@ from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.matrices import TextureSpace
 from ..elements.surface_values import sheet_values
 from ..grid.channels import opacity_channel
-from ..grid.resize import resized
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import FillSettings, given_or_default
 from ..texture.normal_maps import checked_normals
@@ -214,20 +213,36 @@ def _first_guess(
     small = height // _LESS, width // _LESS
     blocks = (small[0], _LESS, small[1], _LESS)
     known = (~gone & texture.atlas.inside).astype(np.float32)
-    counts = known.reshape(blocks).sum(axis=(1, 3))
+    counts = np.einsum("iajb->ij", known.reshape(blocks))
     if not counts.any():
         return None
     scale = np.float32(SCALES[pixels.dtype.name])
-    mean = np.empty((*small, channels), dtype=np.float32)
-    for c in range(channels):
-        weighted = (pixels[..., c] * (known * scale)).reshape(blocks).sum(axis=(1, 3))
-        mean[..., c] = weighted / np.maximum(counts, 1)
+    weighted = pixels * known[..., None]
+    sums = np.einsum("iajbc->ijc", weighted.reshape(*blocks, channels))
+    mean = (scale * sums / np.maximum(counts, 1)[..., None]).astype(np.float32)
     lacking = (counts == 0).astype(np.float64)
     with phase(0.0, 0.2, "Filling"):
         quick = settings.changed(surface="membrane", find="auto", seams="continue", gutter=2)
         filled = fill_texture(mesh, uv, mean, quick, missing=lacking, normals=normals)
-    large = resized(filled, (height, width))
+    large = _enlarged(_enlarged(filled, 0), 1)
     return values_of(texture.atlas, large, texture.alpha, texture.frames)
+
+
+def _enlarged(values: _Single, axis: int) -> _Single:
+    # Linear interpolation, `_LESS` times as long along an axis.
+    lines = np.moveaxis(values, axis, 0)
+    around = np.concatenate([lines[:1], lines, lines[-1:]])
+    shape = list(values.shape)
+    shape[axis] *= _LESS
+    result = np.empty(shape, dtype=np.float32)
+    each = np.moveaxis(result, axis, 0)
+    for k in range(_LESS):
+        place = (k + 0.5) / _LESS + 0.5
+        low = int(place)
+        share = np.float32(place - low)
+        first, second = (around[low + i : low + i + len(lines)] for i in (0, 1))
+        each[k::_LESS] = first + share * (second - first)
+    return result
 
 
 def _filled(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture of textured models side by side, for reports: seen from one side, softly lit."""
+"""Pictures for reports: textured models side by side, softly lit; pictures that are repeated."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import SCALES, Floats
+from ..grid.resize import resized
 
 _TURN, _TILT = 0.6, 0.35
 """By how much models are turned to the side and down, in radians."""
@@ -56,6 +57,32 @@ def side_by_side(models: list[list[Painted]], size: int = 512) -> npt.NDArray[np
     low, high = points.min(axis=0), points.max(axis=0)
     middle, width = (low + high) / 2, max(float((high - low)[:2].max()), 1e-30) * _MARGIN
     return np.concatenate([_drawn(parts, middle, width, size) for parts in models], axis=1)
+
+
+def repeated(image: npt.NDArray, axes: str = "both", size: int = 512) -> npt.NDArray[np.uint8]:
+    """Draw a picture three times along each joined axis, to show how it tiles.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, c) array
+        Of more than two channels, the first three are shown; of fewer, the first.
+    axes : {"both", "x", "y"}
+        As `TileSettings.axes`.
+    size : int
+        Most pixels of one tile along each side; larger ones are reduced.
+
+    Returns
+    -------
+    (3 * h, 3 * w, 3) uint8
+        Not repeated along an axis that is not joined.
+    """
+    pixels = image.reshape(*image.shape[:2], -1)
+    shown = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+    values = np.ascontiguousarray(shown, dtype=np.float32) * np.float32(SCALES[image.dtype.name])
+    factor = max(*values.shape[:2], size) / size
+    height, width = (max(round(n / factor), 1) for n in values.shape[:2])
+    tile = np.rint(255 * np.clip(resized(values, (height, width)), 0, 1)).astype(np.uint8)
+    return np.tile(tile, (1 if axes == "x" else 3, 1 if axes == "y" else 3, 1))
 
 
 def _view() -> Floats:

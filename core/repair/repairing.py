@@ -48,8 +48,11 @@ of the change or less is taken."""
 _ROUNDING = 2e-6
 """Relative changes up to this are errors of single precision and its logarithms."""
 
-_CRISP, _BLURRED = 1.4, 2.2
+_CRISP, _BLURRED = 2.1, 2.6
 """Widths of borders in texels, from 10 to 90 %, that need no sharpening and all of it."""
+
+_UNBLOCKED = 1.25
+"""How many times wider compression and the removal of its blocks make borders."""
 
 _WIDE, _GRADIENT = 8.0, 14.0
 """Widths that need all of it, and those of gradients, which are not meant to be borders."""
@@ -223,6 +226,7 @@ def _repaired(
         clean = image
         if settings.blocks > 0:
             clean = remove_blocks(image, BlockSettings(strength=settings.blocks))
+        unblocked = bool((clean != image).any())
     with phase(0.15, 0.3, "Smoothing"):
         weights = _missing(surface, image, clean, settings, missing, within)
         clean = _without_noise(surface, clean, settings, weights)
@@ -236,7 +240,7 @@ def _repaired(
         if settings.stitch != "nothing":
             clean = _stitched(surface, clean, settings)
     with phase(0.8, 1.0, "Sharpening"):
-        return _finished(surface, clean, settings), weights > 0
+        return _finished(surface, clean, settings, unblocked), weights > 0
 
 
 def _missing(
@@ -349,21 +353,25 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
     return np.where(changed, _stored(mixed, image), image)
 
 
-def _finished(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -> npt.NDArray:
+def _finished(
+    surface: _Surface, image: npt.NDArray, settings: RepairSettings, unblocked: bool
+) -> npt.NDArray:
     # Enlarged or sharpened, with a gutter.
     mesh, uv, atlas, _ = surface
     words = {**_common(settings), "alpha": settings.alpha, "content": settings.content}
     if settings.enlarge > 1:  # which sharpens by itself
         larger = EnlargeSettings(factor=settings.enlarge, **words)
         return enlarge_texture(mesh, uv, image, larger, atlas=atlas)
-    amount = settings.sharpen * _blur(atlas, image, settings)
+    amount = settings.sharpen * _blur(atlas, image, settings, unblocked)
     if amount > 0:
         sharper = TextureSettings(amount=amount, **words)
         return sharpen_texture(mesh, uv, image, sharper, atlas=atlas)
     return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
 
 
-def _blur(atlas: TextureAtlas, image: npt.NDArray, settings: RepairSettings) -> float:
+def _blur(
+    atlas: TextureAtlas, image: npt.NDArray, settings: RepairSettings, unblocked: bool = False
+) -> float:
     # How much of the sharpening the borders inside charts need, by their measured width.
     if settings.sharpen == 0:
         return 0.0
@@ -372,6 +380,7 @@ def _blur(atlas: TextureAtlas, image: npt.NDArray, settings: RepairSettings) -> 
     values = values_of(atlas, pixels, _alpha_of(image, settings))
     channels = channel_groups(pixels.shape[2], how)[0]
     width = measured(values, channels, how, inside=nodes_inside(atlas)).borders.width
+    width /= _UNBLOCKED if unblocked else 1.0
     share = float(np.interp(width, [_CRISP, _BLURRED, _WIDE, _GRADIENT], [0.0, 1.0, 1.0, 0.0]))
     if share == 0:
         tell("Borders are as crisp as texels allow; they were not sharpened.")

@@ -14,6 +14,9 @@ from ..settings import TileSettings, given_or_default
 _LEAST = 4
 """Least pixels along an axis whose sides are joined."""
 
+_EVEN = 0.85
+"""Share of the arithmetic mean in the slope at the joint; the rest is harmonic."""
+
 _LIGHT = 0.1
 """Standard deviation of the smoothing that tells light from detail, as a share of the picture."""
 
@@ -55,8 +58,8 @@ def make_tileable(
 
     Notes
     -----
-    For each axis that is joined, the step at the joint, beyond the harmonic mean of the slopes on
-    both sides, is taken by halves from both. The change u solves ``(1 / radius^2 - lap)^2 u = 0``
+    For each axis that is joined, the step at the joint, beyond a mean of the slopes on both sides,
+    is taken by halves from both. The change u solves ``(1 / radius^2 - lap)^2 u = 0``
     inside, with slope 0 at the joint; it is the gradient-domain blending of Perez, Gangnet and
     Blake (2003) with a thin plate in place of the membrane. Fourier transforms along the joint
     solve it. Sides that are not joined are mirrored.
@@ -124,7 +127,7 @@ class _Joint:
     def change(self, image: Floats) -> Floats:
         lines = np.moveaxis(image, self._axis, 1)
         first, last = lines[:, 0], lines[:, -1]
-        step = first - last - _mean_slope(lines[:, 1] - first, last - lines[:, -2])
+        step = first - last - _slope(lines[:, 1] - first, last - lines[:, -2])
         if self._mirrored:
             step = np.concatenate([step, step[::-1]])
         waves = np.fft.rfft(step)[:, None] * self._factors
@@ -132,12 +135,13 @@ class _Joint:
         return np.moveaxis(found, 1, self._axis)
 
 
-def _mean_slope(one: Floats, other: Floats) -> Floats:
-    # The harmonic mean where signs agree, 0 elsewhere (van Leer 1974), so that no joint is steeper
-    # than both of its sides.
+def _slope(one: Floats, other: Floats) -> Floats:
+    # The mean, by which slopes change least, drawn towards the harmonic mean where signs agree and
+    # 0 elsewhere (van Leer 1974), by which steps are lowest.
     both = one * other
     total = np.where(both > 0, one + other, 1.0)
-    return np.where(both > 0, 2.0 * both / total, 0.0)
+    low = np.where(both > 0, 2.0 * both / total, 0.0)
+    return _EVEN * 0.5 * (one + other) + (1.0 - _EVEN) * low
 
 
 def _light(image: Floats, joined: tuple[int, ...]) -> Floats:

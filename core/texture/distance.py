@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ..atlas import TextureAtlas
 from ..base.checks import Floats, as_array, by_keyword, checked_indices, checked_size
+from ..base.findings import Length, tell
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.fronts import Segments, SurfaceDistance, distance_on_mesh
 from ..elements.matrices import TextureSpace
@@ -32,6 +33,12 @@ _JUMP = 0.6
 _LINES = 10
 """Lines from the source to the farthest point, where their width is not given."""
 
+_OF_SIZE, _OF_SPACING = 0.08, 0.3
+"""A mask along lines is narrower than these parts of the model's diagonal and of their spacing."""
+
+_LEAST_TEXELS, _LEAST_EDGES = 2.0, 1.0
+"""Least automatic width of such a mask."""
+
 _NO_SOURCE = (
     "No source lies on the surface; give vertices, points, edges or a painted image, or take the"
     " borders or seams as sources."
@@ -48,6 +55,8 @@ class _Sources(NamedTuple):
     segments: Segments
     vertices: Ints  # those that lie on a source with certainty
     image: npt.NDArray | None
+    half: npt.NDArray[np.intp]  # half-edges on given edges
+    are_lines: bool  # nothing but edges
 
 
 @by_keyword
@@ -106,6 +115,11 @@ def geodesic_distance(
     these have no parameter, and are as exact far from the source as near it. The error is a
     fraction of a texel: on a sphere, 0.07 % of the distance at 512 x 512 texels.
 
+    Where only edges, borders or seams are sources, the automatic width w of a gradient is 1 / w =
+    1 / (0.08 d) + 1 / (0.3 s), with the diagonal d of the box around the mesh and the spacing s of
+    the edges, which is the area by their length; at least 2 texels. The width is reported; see
+    `base.findings`.
+
     Examples
     --------
     >>> import numpy as np
@@ -138,7 +152,10 @@ def geodesic_distance(
             found = drawn(texture, space, both, settings.gutter)
             distances = np.maximum(found[..., 0], 0.0) * np.float32(texture.atlas.texel_size)
             distances[found[..., 1] < 0.5] = np.inf
-            distances = _shown(distances, texture.atlas.inside, settings)
+            texel = float(texture.atlas.texel_size)
+            lines = _lines_of(mesh, sources, settings, texture.atlas.charts.borders)
+            along = _width_along(mesh, lines, _LEAST_TEXELS * texel)
+            distances = _shown(distances, texture.atlas.inside, settings, along)
             distances[found[..., 1] == _BEYOND] = 0.0
             return distances
 
@@ -199,7 +216,9 @@ def vertex_distance(
             raise InvalidSignal(_NO_SOURCE)
         found = distance_on_mesh(mesh, segments) * mesh.mean_edge_length
         found[sources.vertices] = 0.0
-        return _shown(found, np.isfinite(found), settings)
+        lines = _lines_of(mesh, sources, settings, np.zeros(0, dtype=np.intp))
+        along = _width_along(mesh, lines, _LEAST_EDGES * mesh.mean_edge_length)
+        return _shown(found, np.isfinite(found), settings, along)
 
 
 def _spread(space: TextureSpace, sources: _Sources, settings: DistanceSettings) -> SurfaceDistance:
@@ -235,18 +254,57 @@ def _smoothed(space: TextureSpace, values: _Single, length: float) -> _Single:
     return values + change
 
 
+def _lines_of(
+    mesh: TriangleMesh,
+    sources: _Sources,
+    settings: DistanceSettings,
+    seams: npt.NDArray[np.intp],
+) -> npt.NDArray[np.intp]:
+    # The half-edges on the source; empty if it is more than lines.
+    if not sources.are_lines:
+        return np.zeros(0, dtype=np.intp)
+    more = {"border": _border_of, "seams": lambda _: seams}.get(settings.source)
+    return sources.half if more is None else np.union1d(sources.half, more(mesh))
+
+
+def _width_along(mesh: TriangleMesh, half: npt.NDArray[np.intp], least: float) -> float:
+    # The automatic width of a mask along lines, in units of the mesh; 0 without lines.
+    edge = mesh.mean_edge_length  # in which all is, up to the last line
+    f, k = np.divmod(half, 3)
+    ends = mesh.scaled_vertices[mesh.faces[f]]
+    sides = np.where(mesh.twins.reshape(-1)[half] < 0, 1.0, 0.5)  # which are on both, as a rule
+    rows = np.arange(len(half))
+    length = float(sides @ np.linalg.norm(ends[rows, (k + 1) % 3] - ends[rows, k], axis=1))
+    if not length > 0.0:
+        return 0.0
+    low, high = mesh.box
+    by_size = _OF_SIZE * float(np.linalg.norm((high - low) / edge))
+    by_spacing = _OF_SPACING * float(mesh.areas.sum()) / length
+    return max(by_size * by_spacing / (by_size + by_spacing) * edge, least)
+
+
 def _shown(
-    distances: npt.NDArray, inside: npt.NDArray[np.bool_], settings: DistanceSettings
+    distances: npt.NDArray,
+    inside: npt.NDArray[np.bool_],
+    settings: DistanceSettings,
+    along: float,
 ) -> npt.NDArray:
+    # `along` is the automatic width along lines; 0 where there is more than lines.
     if settings.look == "distance":
         return distances
     reached = distances[inside & np.isfinite(distances)]
     largest = float(reached.max(initial=0.0)) or 1.0
     if settings.look == "gradient":
+        width = settings.width or along or largest
+        if not settings.width:
+            tell("The gradient ends at a distance of {width}.", width=Length(width))
         with np.errstate(invalid="ignore"):
-            return np.clip(1.0 - distances / (settings.width or largest), 0.0, 1.0)
+            return np.clip(1.0 - distances / width, 0.0, 1.0)
+    width = settings.width or largest / _LINES
+    if not settings.width:
+        tell("The lines are {width} apart.", width=Length(width))
     turns = 2.0 * np.pi * np.where(np.isfinite(distances), distances, 0.0)
-    lines = 0.5 + 0.5 * np.cos(turns / (settings.width or largest / _LINES))
+    lines = 0.5 + 0.5 * np.cos(turns / width)
     return np.where(np.isfinite(distances), lines, 0.0).astype(distances.dtype)
 
 
@@ -269,6 +327,7 @@ def _checked_sources(
         known.append(given[np.isin(given, mesh.faces)])
     if points is not None:
         parts.append(_at(*_checked_points(mesh, points)))
+    half, starts = np.zeros(0, dtype=np.intp), len(parts)
     if edges is not None:
         half = _checked_edges(mesh, edges)
         parts.append(_along(half))
@@ -284,7 +343,8 @@ def _checked_sources(
                 "The image of sources holds NaN, infinity or no numbers; give 0 to 1."
             )
         painted = np.clip(painted.astype(np.float64), 0.0, 1.0)
-    return _Sources(_joined(parts), np.concatenate(known), painted)
+    are_lines = painted is None and not any(len(part.faces) for part in parts[1:starts])
+    return _Sources(_joined(parts), np.concatenate(known), painted, half, are_lines)
 
 
 def _checked_points(

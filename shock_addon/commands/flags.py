@@ -75,6 +75,12 @@ def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
             default="",
             help="color attribute to work on; each mesh's active one if left out",
         )
+        parser.add_argument(
+            "--live",
+            action="store_true",
+            help="keep the colors and let a modifier change them, whose Amount sets the strength"
+            " later; OUT must be a blend file, or it may hold the old colors",
+        )
     if command.kind is GEOMETRY:
         _add_shape_flags(parser, command)
 
@@ -164,6 +170,8 @@ def values_of(command: Command, settings: Any, options: argparse.Namespace) -> d
         values |= {"vertex_group": options.mask or "", "invert_mask": options.invert_mask}
     if command.kind is COLORS:
         values["attribute"] = options.attribute
+        if options.live:
+            values["output"] = "LIVE"
     if command.kind is GEOMETRY:
         values |= {
             "output": _output(options),

@@ -55,13 +55,17 @@ def explain(error: "ShockError | Refused | Finding", scale: float = 0.0) -> str:
     """
     if isinstance(error, Refused):
         return str(error)
-    from .lengths import in_both
-
-    values = {
-        name: in_both(value, value.edge * scale) if hasattr(value, "edge") else value
-        for name, value in error.values.items()
-    }
+    values = {name: _written(value, scale) for name, value in error.values.items()}
     return _said(error.sentence, values)
+
+
+def _written(value: object, scale: float) -> object:
+    """Return a length in the units of the scene; anything else as it is."""
+    from .lengths import in_both, in_scene
+
+    if hasattr(value, "edge"):
+        return in_both(value, value.edge * scale)
+    return in_scene(value * scale) if hasattr(value, "of_mesh") and scale > 0 else value
 
 
 def as_reason(sentence: str) -> str:

@@ -180,6 +180,10 @@ class FilterOperator(ModalJob):
         """Return the number of changed elements, and of all."""
         raise NotImplementedError
 
+    def count_filtered(self, written: list[Written]) -> int:
+        """Return how much of the input was filtered; for statistics."""
+        return sum(target.surface.size for target in self.targets)
+
     def summary(self, written: list[Written], seconds: float) -> str:
         """Return the report in one line: what was done, and how long it took."""
         raise NotImplementedError
@@ -297,7 +301,7 @@ class FilterOperator(ModalJob):
             return {"CANCELLED"}
         _subjects[self.key] |= {each.data.session_uid for each in written}
         seconds = time.perf_counter() - self._began
-        statistics.learn(self, seconds)
+        statistics.learn(self, self.count_filtered(written), seconds)
         if listener is not None:
             listener.counts = self.counts(written)
         parts = [
@@ -339,7 +343,8 @@ def _choices(target: Target, finding: Finding, scale: float) -> dict[str, Found]
     for name in names:
         value = finding.values.get(name.removeprefix(target.prefix))
         if value is not None:
-            edge = getattr(value, "edge", 0.0) * scale
+            of_mesh = 1.0 if hasattr(value, "of_mesh") else 0.0
+            edge = getattr(value, "edge", of_mesh) * scale
             text = data.lengths.in_scene(value * edge) if edge > 0 else f"{value:.3g}"
             chosen[name] = Found(float(value), text)
     return chosen

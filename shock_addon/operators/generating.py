@@ -75,6 +75,10 @@ class GenerateOperator(FilterOperator):
         in_floats = self.row.target(self).data.in_floats
         return data.image.fields.add_or_reuse(name, self.result, pixels, in_floats)
 
+    def scale_of(self, made: Any) -> float:
+        """Return 1: the objects were read in the scene's units."""
+        return 1.0
+
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count the texels of the image."""
         shown = [each.result.shown for each in written]

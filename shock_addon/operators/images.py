@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
+from ...core.settings import named
 from .. import data
 from ..data.skipped import Refused, Skipped, sentences
 from . import poll as obstacles
@@ -81,8 +82,25 @@ class OneImageOperator(FilterOperator):
             used[target.image_uid] = image.name
             swaps += self._swaps(target, source, image)
         self.result = "\n".join(used.get(target.image_uid, "") for target in self.targets)
+        self._is_settled = bool(written) and self._settle(context)
         data.replaced.hold(swaps)
         return written, skipped
+
+    def _settle(self, context: bpy.types.Context) -> bool:
+        """Set the panel's enlargement back, which is of one press; return whether it was set."""
+        name = named(self.row.targets[0].row.settings, "enlargement")
+        panel = getattr(context.scene.shock_filter, self.row.group)
+        if not name or panel.bl_rna.properties[name].default > 1:  # it is what the button is for
+            return False
+        if getattr(panel, name) == 1 or getattr(panel, name) != getattr(self, name):
+            return False
+        panel.property_unset(name)
+        return True
+
+    def notes(self, written: list[Written]) -> str:
+        """Say that the panel's enlargement was set back."""
+        text = pgettext_rpt("Enlarge is back at 1, so that the next press keeps the size.")
+        return text if self._is_settled else ""
 
     def _write_one(self, target: Any, result: Any, used: str) -> bpy.types.Image:
         source = data.image.images.find_image(target)
@@ -124,6 +142,10 @@ class OneImageOperator(FilterOperator):
         parts = self._all_parts()
         changed = sum(part.changed for part in parts)
         return changed, sum(part.counted for part in parts)
+
+    def count_filtered(self, written: list[Written]) -> int:
+        """Count them without those beside the charts, or that a mask leaves out."""
+        return self.counts(written)[1]
 
     def facts(self, written: list[Written], seconds: float) -> dict[str, Any]:
         """Return the values for the text of `summary`."""

@@ -118,7 +118,7 @@ class MeshOperator(FilterOperator):
                 changed, total = changed + int(moved.sum()), total + len(moved)
             if self.kind.paints:
                 paint = getattr(result, "paint", result)
-                changed, total = changed + paint.changed, total + len(paint.colors)
+                changed, total = changed + paint.changed, total + paint.counted
         return changed, total
 
     def summary(self, written: list[Written], seconds: float) -> str:

@@ -31,9 +31,13 @@ class Counts(NamedTuple):
 
 
 class Run(NamedTuple):
-    """The size of a run, in vertices or pixels, and its time."""
+    """The size of a run, in vertices or pixels, how many of these were filtered, and its time.
+
+    Texels beside the charts, and what a mask leaves out, are not filtered.
+    """
 
     size: int
+    filtered: int
     seconds: float
 
 
@@ -71,10 +75,10 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
     return counts
 
 
-def learn(operator: bpy.types.Operator, seconds: float) -> None:
-    """Store the time and the size of an operator's run."""
+def learn(operator: bpy.types.Operator, filtered: int, seconds: float) -> None:
+    """Store the time of an operator's run, its size, and how much was filtered."""
     size = sum(target.surface.size for target in operator.targets)
-    _last[operator.bl_idname, operator.row.target(operator).key] = Run(size, seconds)
+    _last[operator.bl_idname, operator.row.target(operator).key] = Run(size, filtered, seconds)
 
 
 def last_run(mode: Mode, settings: Any) -> Run | None:

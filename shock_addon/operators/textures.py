@@ -115,4 +115,5 @@ class TextureOperator(OneImageOperator):
         ]
         others = ", ".join(each.data.name for each in changed)
         text = pgettext_rpt("With it: {names}.").format(names=others) if others else ""
-        return " ".join(filter(None, [text, *dict.fromkeys(self._notes)]))
+        parts = [text, *dict.fromkeys(self._notes), super().notes(written)]
+        return " ".join(filter(None, parts))

@@ -152,6 +152,8 @@ def draw_statistics(
     if last is not None:
         column.separator()
         _draw_value(column, "Last Run", _clock(last.seconds))
+        if last.filtered < last.size:
+            _draw_value(column, "Filtered", f"{last.filtered:,}")
         speed = iface_("{:,.0f} a second").format(last.size / last.seconds)
         _draw_value(column, "Speed", speed)
 

@@ -392,6 +392,18 @@ def test_colors_of_blend_files(folder):
     assert "changed 0 of" in run.out
 
 
+def test_colors_may_become_live(folder):
+    old, _ = colors_in("in.blend", "--version", before=SCENE + PAINT + save("in.blend"))
+    words = "sharpen-colors", "in.blend", "a.blend", "--time", "inf", "--live"
+    new, run = colors_in("a.blend", *words)
+    assert changes(old, new) == set()
+    assert "changed 0 of" not in run.out
+    count = 'print("LIVE", [m.name for m in bpy.data.objects["Seen"].modifiers])\n'
+    opened = f"bpy.ops.wm.open_mainfile(filepath={str(folder / 'a.blend')!r})\n"
+    seen = blender("--version", before="import bpy\n" + opened + count)
+    assert "LIVE ['Shock Filter Colors']" in seen.out
+
+
 def test_missing_colors_fail(scene, old, folder):
     run = blender("sharpen-colors", scene, "out.blend")
     assert run.code == 1

@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon.data.mesh.meshes import read_corner_vertices, read_positions
+from shock_filter.shock_addon.operators import base as operators
 
 sharpen = bpy.ops.shock_filter.sharpen_colors
 
@@ -69,7 +70,9 @@ def test_weight_zero_is_exactly_unchanged(sheet, domain, invert):
     group = painted.obj.vertex_groups.new(name="Upper")
     group.add(np.flatnonzero(painted.vertices).tolist(), 1.0, "REPLACE")
     sharpen(time=256.0, vertex_group="Upper", invert_mask=invert)
-    assert only(painted.changed(), ~painted.upper if invert else painted.upper)
+    chosen = ~painted.upper if invert else painted.upper
+    assert only(painted.changed(), chosen)
+    assert f"{chosen.sum():,} colors, changed" in operators.summaries["colors"]
 
 
 @DOMAINS

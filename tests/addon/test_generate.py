@@ -247,6 +247,10 @@ def test_an_object_without_a_material_shows_the_image(sheet):
     nodes = material.node_tree.nodes
     (link,) = nodes["Principled BSDF"].inputs["Base Color"].links
     assert link.from_node.image == bpy.data.images["Grid Distance"]
+    said = "Grid had no material, and got one that shows Grid Distance."
+    assert said in operators.summaries["generate"]
+    generate(source="border", image_size=str(SIZE))
+    assert "had no material" not in operators.summaries["generate"]
 
 
 def test_a_material_gets_a_node_that_waits(sheet):
@@ -483,3 +487,16 @@ def test_what_was_painted_since_is_kept(sheet):
     generate(**words, result="Grid Distance")
     assert image.pixels[0] == 7.0
     assert len(bpy.data.images) == 2
+
+
+def test_a_mask_from_sharp_edges_is_narrow_and_says_its_width(sheet):
+    mark_sharp(sheet)
+    assert generate(image_size=str(SIZE)) == {"FINISHED"}
+    from shock_filter.shock_addon.operators.keeping import found
+
+    width = found["generate"]["width"].value
+    assert 0 < width < 0.2 * LENGTH
+    expected = np.clip(1.0 - from_left() / width, 0.0, 1.0)
+    np.testing.assert_allclose(read("Grid Distance"), expected, atol=0.1)
+    said = f"The gradient ends at a distance of {found['generate']['width'].text}."
+    assert said in operators.summaries["generate"]

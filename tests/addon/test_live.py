@@ -2,6 +2,7 @@
 """The output Live: a movement in attributes, and nodes that add it."""
 
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import bmesh
@@ -9,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 import shock_filter
+from shock_filter.core.host.live.movement import Connectivity, is_fitting, marks_of, movement
 from shock_filter.shock_addon.data import MOVE
 from shock_filter.shock_addon.data.chosen import live_modifier, live_source
 from shock_filter.shock_addon.data.live import graph, nodes, stacks
@@ -63,8 +65,6 @@ def test_amounts_go_from_the_mesh_to_the_result_and_beyond(rounded_box):
 
 
 def test_a_movement_brings_positions_to_the_bit_unless_they_change_much():
-    from shock_filter.core.host.live.movement import movement
-
     rng = np.random.default_rng(1)
     old = rng.normal(size=(20_000, 3)).astype(np.float32)
     new = (old * rng.uniform(0.5, 2.0, size=old.shape)).astype(np.float32)
@@ -577,3 +577,20 @@ def test_objects_without_a_live_result_are_named(rounded_box):
     with pytest.raises(RuntimeError, match="has no live result"):
         live.update(box)
     assert live.state(box) == ""
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 100_000])
+def test_marks_of_faces_tell_that_one_was_replaced(count):
+    found = marks_of(np.zeros((3, 3), np.float32), triangles(count))
+    assert is_fitting(found, triangles(count))
+    assert np.abs(found.faces).max(initial=0.0) < 1 << 12  # so that sums are exact in float32
+    for number in range(min(count, 5) if count > 1 else 0):
+        for other in (found.faces[number - 1], np.zeros(3, np.float32)):
+            faces = found.faces.copy()
+            faces[number] = other
+            assert not is_fitting(replace(found, faces=faces), triangles(count))
+
+
+def triangles(count):
+    ends = np.array([[0, 1], [1, 2], [2, 0]])
+    return Connectivity(ends, np.tile([0, 1, 2], count), np.arange(0, 3 * count, 3))

@@ -633,6 +633,19 @@ def test_an_enlarged_image_is_a_new_and_larger_one(float_buffer, alpha_mode):
     )
 
 
+def test_the_panel_enlarges_once():
+    add(pixels=noise())
+    kept = bpy.context.scene.shock_filter.image
+    kept.enlarge = 2
+    sharpen(image="Photo", amount=0.0)  # a script's own
+    assert kept.enlarge == 2
+    sharpen(image="Photo", amount=0.0, enlarge=2)
+    assert kept.enlarge == 1
+    assert "Enlarge is back at 1" in operators.summaries["image"]
+    sharpen(image="Photo", amount=0.0, enlarge=kept.enlarge)
+    assert "Enlarge is back" not in operators.summaries["image"]
+
+
 def test_the_colors_of_enlarged_floats_are_not_multiplied_twice():
     pixels = np.full((12, 12, 4), 0.5, dtype=np.float32)
     add(pixels=pixels, float_buffer=True, alpha_mode="PREMUL")

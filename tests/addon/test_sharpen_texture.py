@@ -14,7 +14,9 @@ from shock_filter.shock_addon.data import chosen
 from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.data.image import textures as texture_data
 from shock_filter.shock_addon.data.image import tiles
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import statistics
 from shock_filter.shock_addon.operators import textures as texture_operator
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
@@ -385,6 +387,9 @@ def test_a_mask_image_protects(sheet):
     changed = (read(bpy.data.images["Wood sharpened"]) != read(sheet.image)).any(axis=(1, 2))
     assert changed[: SIZE // 2].all()
     assert not changed[SIZE // 2 :].any()
+    assert f"{SIZE * SIZE // 2:,} pixels, changed" in operators.summaries["texture"]
+    settings = bpy.context.scene.shock_filter.texture
+    assert statistics.last_run(find("texture"), settings).filtered == SIZE * SIZE // 2
     sharpen(image="Wood", time=1024.0, mask_image="Mask", invert_mask=True)
     changed = (read(bpy.data.images["Wood sharpened.001"]) != read(sheet.image)).any(axis=(1, 2))
     assert not changed[: SIZE // 2].any()

@@ -6,6 +6,7 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
+from scipy import ndimage
 from shock_filter import core
 from shock_filter.core.repair.blocks import compression_of
 
@@ -51,6 +52,14 @@ def test_pictures_without_blocks_stay_bit_for_bit():
         for each in (image, image[..., 0], image / np.float32(255), flat):
             assert compression_of(each.reshape(*each.shape[:2], -1)) is None
             assert (core.remove_blocks(each) == each).all()
+
+
+@pytest.mark.parametrize("seed", [0, 2, 5])
+def test_soft_pictures_fit_all_grids_alike_and_have_no_blocks(seed):
+    soft = ndimage.gaussian_filter(picture(seed).astype(float), (1.5, 1.5, 0))
+    assert compression_of(np.rint(soft).astype(np.uint8)) is None
+    blurred = np.rint(ndimage.gaussian_filter(picture(seed).astype(float), (1, 1, 0)))
+    assert compression_of(compressed(blurred.astype(np.uint8), 50)) is not None
 
 
 def test_cut_and_repeated_pictures_are_recognized():

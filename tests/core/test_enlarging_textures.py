@@ -77,3 +77,36 @@ def test_normals_keep_unit_length():
     inside = core.TextureAtlas(mesh, blocks.uv, size=found.shape[:2]).inside
     lengths = np.linalg.norm(2 * found - 1, axis=2)[inside]
     assert np.abs(lengths - 1).max() < 1e-4
+
+
+def decibels(found, wanted):
+    return -10 * np.log10(np.mean((found - wanted) ** 2))
+
+
+def test_background_that_was_mixed_into_rims_leaves_no_dark_lines():
+    blocks = Blocks(waves(128), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    fine = blocks.texture()
+    n = len(fine)
+    given = fine.reshape(n // 2, 2, n // 2, 2, 3).mean(axis=(1, 3))
+    result = core.enlarge_texture(mesh, blocks.uv, given, core.EnlargeSettings(factor=2))
+    alone = core.sharpen_image(given, core.ImageSettings(enlarge=2))
+    inside = core.TextureAtlas(mesh, blocks.uv, size=(n, n)).inside
+    of_alone = decibels(alone[inside], fine[inside])
+    assert decibels(result[inside], fine[inside]) > of_alone - 0.2
+    assert jumps(blocks, result) < jumps(blocks, given)
+
+
+def test_clean_rims_are_enlarged_with_what_is_across_the_seams():
+    blocks = Blocks(waves(128), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    fine = blocks.texture()
+    given = Blocks(waves(64), 0.4)
+    given.width = blocks.width // 2  # the same layout, half as fine
+    given.places = [place / 2 for place in blocks.places]
+    image = given.texture()
+    result = core.enlarge_texture(mesh, blocks.uv, image, core.EnlargeSettings(factor=2))
+    alone = core.sharpen_image(image, core.ImageSettings(enlarge=2))
+    inside = core.TextureAtlas(mesh, blocks.uv, size=fine.shape[:2]).inside
+    of_alone = decibels(alone[inside], fine[inside])
+    assert decibels(result[inside], fine[inside]) > of_alone + 6

@@ -302,6 +302,48 @@ def test_gradients_and_lines_are_made_of_the_distance():
     assert np.allclose(shown(look="lines"), lines, atol=1e-4)
 
 
+def told_width(run, mesh, **given):
+    with gathering() as found:
+        shown = run(mesh, settings=core.DistanceSettings(look="gradient"), **given)
+    return float(found[-1].values["width"]), shown
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e4])
+def test_masks_along_edges_are_narrow_and_grow_with_the_model(scale):
+    vertices, faces = grid(20, 20)
+    mesh = core.TriangleMesh(scale * vertices, faces)
+    edge = np.stack([np.arange(20), np.arange(1, 21)], axis=1)  # along one side
+    width, shown = told_width(core.vertex_distance, mesh, edges=edge)
+    distance = core.vertex_distance(mesh, edges=edge)
+    assert 0 < width < 0.3 * distance.max()
+    assert np.isclose(width / scale, told_width(core.vertex_distance, grid_mesh(), edges=edge)[0])
+    assert np.allclose(shown, np.clip(1 - distance / width, 0, 1))
+    whole, _ = told_width(core.vertex_distance, mesh, vertices=np.unique(edge), edges=edge)
+    assert np.isclose(whole, distance.max())
+
+
+def grid_mesh():
+    return core.TriangleMesh(*grid(20, 20))
+
+
+def test_masks_along_edges_narrow_where_edges_are_close():
+    mesh = grid_mesh()
+    row = np.stack([np.arange(20), np.arange(1, 21)], axis=1)
+    widths = [
+        told_width(core.vertex_distance, mesh, edges=np.concatenate(lines))[0]
+        for lines in ([row], [row, row + 21 * 10], [row + 21 * n for n in range(0, 21, 4)])
+    ]
+    assert widths[0] > widths[1] > widths[2] > 0
+
+
+def test_masks_along_edges_are_no_narrower_than_texels_show():
+    mesh, uv = plain()
+    edges = [mesh.faces[0][:2]]
+    fine, _ = told_width(core.geodesic_distance, mesh, uv=uv, size=(256, 256), edges=edges)
+    coarse, _ = told_width(core.geodesic_distance, mesh, uv=uv, size=(8, 8), edges=edges)
+    assert fine < coarse
+
+
 def test_smoothing_rounds_ridges_and_keeps_the_mean():
     mesh, uv = plain()
     settings = core.DistanceSettings(source="border")

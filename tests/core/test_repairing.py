@@ -149,3 +149,12 @@ def test_the_background_around_charts_does_not_decide_about_sharpening(model):
     flat = np.where(atlas.inside, 120, np.rint(soft)).astype(np.uint8)
     settings = core.RepairSettings()
     assert _blur(atlas, flat, settings) == 0
+
+
+def test_borders_that_blocks_made_wide_need_less_sharpening():
+    mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    atlas = core.TextureAtlas(mesh, mesh.vertices[mesh.faces][..., :2], size=(128, 128))
+    y, x = np.mgrid[:128, :128]
+    soft = np.rint(gaussian_filter(200.0 * ((y // 16 + x // 16) % 2), 1.0)).astype(np.uint8)
+    settings = core.RepairSettings()
+    assert 0 <= _blur(atlas, soft, settings, unblocked=True) < _blur(atlas, soft, settings) <= 1

@@ -3,7 +3,11 @@
 
 import numpy as np
 import pytest
+from PIL import Image
+from scipy import ndimage
 from shock_filter import core
+from shock_filter.core import cli
+from shock_filter.core.repair.picture import repeated
 
 
 def pictures():
@@ -97,3 +101,29 @@ def test_types_masks_and_errors():
     assert (turned == core.make_tileable(image, one)).all()
     with pytest.raises(core.InvalidSignal, match="pixels"):
         core.make_tileable(np.zeros((3, 40)))
+
+
+def test_slopes_at_joints_of_rough_pictures_lie_between_those_on_both_sides():
+    rng = np.random.default_rng(1)
+    image = 0.5 + 0.2 * ndimage.gaussian_filter(rng.normal(size=(96, 128)), 1.0)
+    steps, slopes = np.reshape(joints(core.make_tileable(image), "both"), (2, 2)).T
+    assert slopes.max() < 0.77
+    assert steps.max() < 0.9
+
+
+@pytest.mark.parametrize(("axes", "times"), [("both", (3, 3)), ("x", (1, 3)), ("y", (3, 1))])
+def test_the_command_line_draws_how_a_picture_tiles(tmp_path, axes, times):
+    image = np.random.default_rng(0).integers(0, 256, (24, 40, 3)).astype(np.uint8)
+    source, target, picture = (tmp_path / name for name in ("in.png", "out.png", "tiled.png"))
+    Image.fromarray(image).save(source)
+    words = ["make-tileable", str(source), str(target), "--axes", axes]
+    assert cli.main([*words, "--picture", str(picture)]) == 0
+    result = np.asarray(Image.open(target))
+    np.testing.assert_array_equal(np.asarray(Image.open(picture)), np.tile(result, (*times, 1)))
+    assert cli.main([*words, "--overwrite", "--picture", str(picture.with_suffix(".txt"))]) != 0
+
+
+def test_pictures_of_tiles_are_small_and_have_colors():
+    gray = np.linspace(0.0, 1.0, 100 * 200).reshape(100, 200)
+    assert repeated(gray, size=50).shape == (75, 150, 3)
+    assert repeated(gray[..., None].repeat(2, axis=2), "x", size=500).shape == (100, 600, 3)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Kernels through the whole way: harvested, compiled, linked, loaded and called without numba."""
 
+import os
 import resource
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -34,12 +36,17 @@ write(Path(sys.argv[3]), harvest.recorded())
 """
 
 
+def harvested(folder, path):
+    """Harvest the toy kernels of a folder, as `build_kernels` does."""
+    words = [sys.executable, "-c", HARVEST, str(folder), str(TOOLS), str(path)]
+    subprocess.run(words, check=True, env={**os.environ, "PYTHONHASHSEED": "0"})
+    return read(path)
+
+
 @pytest.fixture(scope="module")
 def harvest(tmp_path_factory):
     """Return the harvest of the toy kernels."""
-    path = tmp_path_factory.mktemp("harvest") / "toys.pickle"
-    subprocess.run([sys.executable, "-c", HARVEST, str(HERE), str(TOOLS), str(path)], check=True)
-    return read(path)
+    return harvested(HERE, tmp_path_factory.mktemp("harvest") / "toys.pickle")
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +85,13 @@ def test_results_are_those_of_numba(harvest, library):
     found = {call.name: replay.replay(call, library) for call in calls}
     assert found.pop("toy_kernels:total") < 1e-15
     assert set(found.values()) == {0.0}
+
+
+def test_another_process_and_folder_give_the_same_bytes(harvest, tmp_path):
+    shutil.copy(HERE / "toy_kernels.py", tmp_path)
+    again = harvested(tmp_path, tmp_path / "toys.pickle")
+    one, other = (compiler.compile_entries(each.entries, "linux-x64") for each in (harvest, again))
+    assert one == other
 
 
 def test_chunks_of_a_bound_kernel_write_their_own_part(kernels):

@@ -123,11 +123,10 @@ def record() -> None:
     """Keep the IR of all kernels that are made from now on, and their first calls."""
     CPUCodeLibrary.add_ir_module = _keep_ir
     CPUCallConv.build_excinfo_struct = _build_without_place
-    kernel_cache.KernelCache.load_overload = lambda *_: None  # code on disk has no IR
     compile_kernel = kernel_cache.compile_kernel
 
     def recorded(*arguments: Any) -> Any:
-        kernel = compile_kernel(*arguments)
+        kernel = compile_kernel(*arguments, keep=False)  # code on disk has no IR
         kernel.__class__ = _Recorded
         return kernel
 

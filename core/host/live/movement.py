@@ -18,8 +18,8 @@ _BITS = 23
 _MASK = (1 << _BITS) - 1
 
 
-ROUNDING = 4096.0
-"""Of the mean of marks at the corners of a face, where nodes add up in float32."""
+_SPREAD = 1023
+"""Of a mark of a face, to both sides of 0: sums of millions are exact in float32."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,9 @@ class Marks:
         The numbers of vertices, edges and faces, the same for each vertex.
     edges : (e,) int32
         The sum of the numbers at the ends of each edge.
-    faces : (f,) float32
-        The mean of the numbers at the corners of each face.
+    faces : (f, 3) float32
+        Whole numbers for each face, scattered, whose sums are 0: they are not after a face was
+        replaced by another, be that without numbers or with those of a neighbor.
     places : (n,) int32
         Digest of the position of each vertex.
     """
@@ -90,7 +91,8 @@ def marks_of(positions: npt.NDArray[np.float32], connectivity: Connectivity) -> 
     vertices = _scattered(len(positions))
     counts = np.empty((len(positions), 3), dtype=np.float32)
     counts[:] = len(positions), *connectivity.counts
-    edges, faces = _sums(vertices, connectivity)
+    edges = _sums(vertices, connectivity)
+    faces = _balanced(len(connectivity.starts))
     return Marks(vertices, counts, edges, faces, digests(positions))
 
 
@@ -99,8 +101,9 @@ def is_fitting(marks: Marks, connectivity: Connectivity) -> bool:
     counts = np.array([len(marks.vertices), *connectivity.counts], dtype=np.float32)
     if not (marks.counts == counts).all():
         return False
-    edges, faces = _sums(marks.vertices, connectivity)
-    return bool((edges == marks.edges).all() and (np.abs(faces - marks.faces) <= ROUNDING).all())
+    edges = _sums(marks.vertices, connectivity)
+    faces = marks.faces.sum(axis=0, dtype=np.float64)
+    return bool((edges == marks.edges).all() and (faces == 0.0).all())
 
 
 def digests(rows: npt.NDArray[np.float32]) -> npt.NDArray[np.int32]:
@@ -114,16 +117,18 @@ def digests(rows: npt.NDArray[np.float32]) -> npt.NDArray[np.int32]:
     return found.view(np.int32)
 
 
-def _sums(
-    vertices: npt.NDArray[np.int32], connectivity: Connectivity
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
-    # The marks of edges and faces.
-    edges = vertices[connectivity.ends].sum(axis=1, dtype=np.int32)
-    if not len(connectivity.starts):
-        return edges, np.zeros(0, dtype=np.float32)
-    totals = np.add.reduceat(vertices[connectivity.corners], connectivity.starts, dtype=np.int64)
-    sizes = np.diff(connectivity.starts, append=len(connectivity.corners))
-    return edges, (totals / sizes).astype(np.float32)
+def _sums(vertices: npt.NDArray[np.int32], connectivity: Connectivity) -> npt.NDArray[np.int32]:
+    # The marks of edges.
+    return vertices[connectivity.ends].sum(axis=1, dtype=np.int32)
+
+
+def _balanced(count: int) -> npt.NDArray[np.float32]:
+    # The marks of faces: (count, 3).
+    numbers = _scattered(3 * count).reshape(count, 3).astype(np.int64)
+    numbers = numbers % (2 * _SPREAD + 1) - _SPREAD
+    share, rest = np.divmod(numbers.sum(axis=0), max(count, 1))
+    numbers -= share + (np.arange(count)[:, None] < rest)
+    return numbers.astype(np.float32)
 
 
 def _scattered(count: int) -> npt.NDArray[np.int32]:

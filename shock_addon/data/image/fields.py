@@ -167,7 +167,8 @@ def add_nodes(names: list[str], image: bpy.types.Image, *, activate: bool = Fals
     Returns
     -------
     list of str
-        A sentence for each object that could not get the node, and one if it waits to be linked.
+        A sentence for each object that got a material or could not get the node, and one if it
+        waits to be linked.
     """
     notes, waits = [], False
     for obj in (bpy.data.objects[name] for name in names):
@@ -181,6 +182,8 @@ def add_nodes(names: list[str], image: bpy.types.Image, *, activate: bool = Fals
             else:
                 obj.data.materials.append(material)
             _link_to_color(material, image_node(material, image, activate))
+            text = pgettext_rpt("{name} had no material, and got one that shows {image}.")
+            notes.append(text.format(name=obj.name, image=image.name))
         elif material is None or material.library is not None or material.node_tree is None:
             text = pgettext_rpt("{name} cannot take a node; name {image} in one by hand.")
             notes.append(text.format(name=(material or obj).name, image=image.name))
@@ -319,6 +322,7 @@ def _starts(objects: list[bpy.types.Object], start: str, vertex_group: str = "")
             marked = arrays.read(mesh.edges, _MARKS[start], dtype=bool)
         if start == "SELECTED":
             chosen = arrays.read(mesh.vertices, "select", dtype=bool)
+            chosen[pairs[marked]] = True  # as Edit Mode does: it is more than lines
         vertices.append(first + np.flatnonzero(chosen))
         edges.append(first + pairs[marked])
         first += len(mesh.vertices)

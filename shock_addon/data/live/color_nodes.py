@@ -15,7 +15,7 @@ from .. import DIFFERENCE, LIVE_COLORS
 from . import graph, marks
 
 NAME = "Shock Filter Colors"
-VERSION = 1
+VERSION = 2
 
 ATTRIBUTES = (DIFFERENCE, *marks.COLORS)
 """All that belong to a difference of colors."""

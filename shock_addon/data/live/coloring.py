@@ -14,7 +14,6 @@ from ....core.host.live.movement import digests, is_fitting, marks_of, movement
 from .. import DIFFERENCE, LIVE_COLORS, arrays
 from ..mesh import colors, meshes
 from ..mesh.targets import MeshTarget, find
-from ..skipped import Skipped
 from . import color_nodes, marks, recipes, stacks
 from .movement import FRESH, MOVED, NONE, STALE
 
@@ -37,7 +36,7 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
     """
     obj = find(target)
     mesh = obj.data
-    stacks.check(obj)
+    users = stacks.takers(obj)
     colors.check_unchanged(obj, target)
     attribute = mesh.color_attributes[target.place]
     data_type, domain = attribute.data_type, attribute.domain
@@ -51,13 +50,7 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
     found = marks_of(meshes.read_positions(mesh), marks.connectivity(mesh))
     marks.write(mesh, marks.COLORS, replace(found, places=digests(values)), domain)
     mesh.update()
-    for user in stacks.users_of(mesh):
-        try:
-            stacks.check(user)
-        except Skipped:
-            if user == obj:
-                raise
-            continue  # it shows the colors as they were
+    for user in users:
         add(user, target.place)
     return obj
 

@@ -34,7 +34,7 @@ _KINDS = (
     ("INT", "POINT"),
     ("FLOAT_VECTOR", "POINT"),
     ("INT", "EDGE"),
-    ("FLOAT", "FACE"),
+    ("FLOAT_VECTOR", "FACE"),
 )
 
 

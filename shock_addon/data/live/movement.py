@@ -42,19 +42,13 @@ def write(target: MeshTarget, result: Reshaped) -> bpy.types.Object:
         If the object was removed or its shape has changed since it was read.
     """
     obj = find(target)
-    stacks.check(obj)
+    users = stacks.takers(obj)
     old = target.surface.positions
     arrays.check_same(geometry.source(obj, target.place), old)
     _write_attributes(obj.data, old, result.positions)
     _write_sharp(obj, target, result)
     obj.data.update()
-    for user in stacks.users_of(obj.data):
-        try:
-            stacks.check(user)
-        except Skipped:
-            if user == obj:
-                raise
-            continue  # it shows the mesh as it was
+    for user in users:
         add(user, target.place.sharp_angle is not None)
     return obj
 

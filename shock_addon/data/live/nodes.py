@@ -13,7 +13,7 @@ from .. import LIVE_STAMP, MOVE
 from . import graph, marks
 
 NAME = "Shock Filter"
-VERSION = 2
+VERSION = 3
 """Of the nodes; a group that is newer or older is left to the objects that have it."""
 
 SHARP = ".shock_sharp"

@@ -54,6 +54,26 @@ def users_of(mesh: bpy.types.Mesh) -> list[bpy.types.Object]:
     return [obj for obj in bpy.data.objects if obj.data == mesh and obj.library is None]
 
 
+def takers(obj: bpy.types.Object) -> list[bpy.types.Object]:
+    """List the file's own objects that show the mesh of one and can take a modifier.
+
+    Raises
+    ------
+    Skipped
+        If the object itself cannot; others show the mesh as it was.
+    """
+    check(obj)
+    return [obj, *(user for user in users_of(obj.data) if user != obj and _can_take(user))]
+
+
+def _can_take(obj: bpy.types.Object) -> bool:
+    try:
+        check(obj)
+    except Skipped:
+        return False
+    return True
+
+
 def read_input(modifier: bpy.types.NodesModifier, name: str) -> Any:
     """Return the value of an input of the group."""
     key = graph.input_of(modifier.node_group, name)
