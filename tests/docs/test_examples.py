@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from examples import PAGES, ROOT, examples, write_inputs
 from shock_filter.core import cli
+from shock_filter.core.maps.names import files_of_maps
 
 ALL = examples()
 RUN = [example for example in ALL if example.reason is None]
@@ -183,7 +184,9 @@ def test_commands_run_and_write_what_they_name(example, inputs, environment, tmp
     for line in example.text.splitlines():
         words = COMMAND.split(line)[1].split(" --")[0].split()
         if " || " not in line and "--help" not in line:
-            assert (tmp_path / words[-1]).exists(), f"{line} wrote no {words[-1]}"
+            maps = line.partition("--map ")[2].split(" --")[0].split()
+            files = files_of_maps(tmp_path / words[-1], maps) if maps else [tmp_path / words[-1]]
+            assert all(path.exists() for path in files), f"{line} wrote no {words[-1]}"
 
 
 def run_here(line):
