@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
+from bpy.app.translations import pgettext_rpt
 
 from . import LIVE_COLORS, LIVE_SOURCE, LIVE_STAMP
 from .materials import active_image
-from .skipped import Skipped
+from .skipped import Skipped, sentences
 
 CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 """Types of objects that Blender can convert to meshes."""
@@ -113,6 +116,19 @@ def flow_map_of(image: bpy.types.Image) -> bpy.types.Image:
     """Return the flow map that an image sequence shows, if one is known; else the image itself."""
     source = image.get(FLOW_MAP) if image.source == "SEQUENCE" else None
     return source if isinstance(source, bpy.types.Image) else image
+
+
+def uids_of(objects: Sequence[bpy.types.Object]) -> dict[int, str]:
+    """Return the names of objects by their uids, by which they are found after a run."""
+    return {obj.session_uid: obj.name for obj in objects}
+
+
+def find_again(uids: dict[int, str]) -> tuple[list[bpy.types.Object], list[str]]:
+    """Return the objects of these uids, and a sentence for each that was removed meanwhile."""
+    there = {obj.session_uid: obj for obj in bpy.data.objects if obj.data is not None}
+    gone = pgettext_rpt("it was removed meanwhile")
+    left = [(name, gone) for uid, name in uids.items() if uid not in there]
+    return [there[uid] for uid in uids if uid in there], sentences(left)
 
 
 def subjects(context: bpy.types.Context) -> set[int]:

@@ -136,6 +136,32 @@ def test_distance_at_vertices_is_an_attribute(sheet):
     assert "Generated Distance on 2 objects: 162 vertices" in operators.summaries["generate"]
 
 
+@pytest.mark.parametrize("into", ["IMAGE", "ATTRIBUTE"])
+def test_objects_are_found_again_whatever_their_names(sheet, into):
+    """One is renamed during the run, and another takes its name."""
+    select(sheet)
+    meanwhile = iter([True])
+
+    def rename(*_):
+        if next(meanwhile, False):
+            name, sheet.name = sheet.name, "Renamed"
+            bpy.context.collection.objects.link(bpy.data.objects.new(name, sheet.data.copy()))
+
+    operators.listener = rename
+    try:
+        assert generate(look="distance", into=into, image_size=str(SIZE)) == {"FINISHED"}
+    finally:
+        operators.listener = None
+    other = bpy.data.objects["Grid"]
+    assert other.active_material is None
+    assert "Distance" not in other.data.attributes
+    if into == "IMAGE":
+        nodes = sheet.active_material.node_tree.nodes
+        assert [node.image.name for node in nodes if node.type == "TEX_IMAGE"] == ["Grid Distance"]
+    else:
+        assert "Distance" in sheet.data.attributes
+
+
 def test_maps_of_the_shape_are_made(sheet):
     """Of a bump on a sheet: it is convex, has a valley around it, and stands in the light's way."""
     for vertex in sheet.data.vertices:

@@ -12,7 +12,7 @@ from bpy.app.translations import pgettext_rpt
 
 from ....core.host.fields import BakeSurface, WorldMesh
 from ....core.maps.names import SUFFIXES
-from ..chosen import mesh_objects, mesh_users
+from ..chosen import find_again, mesh_objects, mesh_users, uids_of
 from ..mesh import meshes
 from ..skipped import Skipped, as_reason, sentences
 from . import fields, images, in_world, textures
@@ -89,8 +89,8 @@ def read(
     if not wanted:
         raise Skipped("no map is left; choose some, such as curvature")
     surface = BakeSurface(faces, (size, size), wanted, high, others)
-    uids = {obj.name: obj.session_uid for obj in objects}
-    return BakeTarget(names[0], surface, {uids[name]: name for name in names}), skipped
+    read_ones = [bpy.data.objects[name] for name in names]
+    return BakeTarget(names[0], surface, uids_of(read_ones)), skipped
 
 
 def write(
@@ -128,29 +128,20 @@ def show(target: BakeTarget, made: dict[str, bpy.types.Image]) -> list[str]:
     Returns
     -------
     list of str
-        A sentence for each object that was left alone.
+        A sentence for each object that was left alone, or got a material.
     """
-    there = {obj.session_uid: obj for obj in bpy.data.objects}
-    left = []
-    for uid, name in target.objects.items():
-        obj = there.get(uid)
-        if obj is None or obj.data is None:
-            left.append((name, pgettext_rpt("it was removed meanwhile")))
-            continue
+    objects, notes = find_again(target.objects)
+    for obj in objects:
         material = obj.active_material
         if material is None:
-            material = bpy.data.materials.new(obj.name)
-            if bpy.app.version < (5, 0, 0):  # later, all use them
-                material.use_nodes = True
-            if obj.material_slots:
-                obj.material_slots[obj.active_material_index].material = material
-            else:
-                obj.data.materials.append(material)
+            material = fields.give_material(obj)
+            text = pgettext_rpt("{name} had no material, and got one with the maps.")
+            notes.append(text.format(name=obj.name))
         if material.library is not None or material.node_tree is None:
             continue
         for key, image in made.items():
             _link(material, key, fields.image_node(material, image, activate=False))
-    return sentences(left)
+    return notes
 
 
 def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:

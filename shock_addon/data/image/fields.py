@@ -14,7 +14,7 @@ from bpy.app.translations import pgettext_rpt
 
 from ....core.host.fields import FieldSurface
 from .. import arrays
-from ..chosen import mesh_refusal, mesh_users, refusal
+from ..chosen import find_again, mesh_refusal, mesh_users, refusal, uids_of
 from ..materials import image_nodes
 from ..mesh import meshes
 from ..mesh.vertex_groups import group_weights
@@ -33,13 +33,13 @@ class FieldTarget(ImageTarget):
 
     Attributes
     ----------
-    objects : list of str
-        Names of the objects whose faces were read, the active one first.
+    objects : dict of int to str
+        Names by uids of the objects whose faces were read, the active one first.
     notes : list of str
         Remarks on them for the report.
     """
 
-    objects: list[str]
+    objects: dict[int, str]
     notes: list[str]
 
 
@@ -86,9 +86,8 @@ def read_field(
     at_vertices = "into" in places and parameters.into == "ATTRIBUTE"
     surface = FieldSurface(faces, shape, given, at_vertices)
     uid = 0 if image is None else image.session_uid
-    return FieldTarget(
-        names[0] if image is None else image.name, uid, surface, parts, names, notes
-    ), skipped
+    name = names[0] if image is None else image.name
+    return FieldTarget(name, uid, surface, parts, uids_of(objects), notes), skipped
 
 
 def add_or_reuse(
@@ -116,9 +115,9 @@ def pixels_of(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 
 
 def write_attribute(
-    names: list[str], attribute: str, values: npt.NDArray[np.float32]
+    uids: dict[int, str], attribute: str, values: npt.NDArray[np.float32]
 ) -> bpy.types.Object:
-    """Write values at the vertices of the objects of these names, in their order.
+    """Write values at the vertices of the objects of these uids, in their order.
 
     The attribute gets that name.
 
@@ -132,10 +131,10 @@ def write_attribute(
     Skipped
         If an object was removed, has other vertices now, or cannot take the attribute.
     """
-    objects = [bpy.data.objects.get(name) for name in names]
+    objects, gone = find_again(uids)
     with meshes.object_mode(bpy.context):
-        counts = [0 if obj is None else len(obj.data.vertices) for obj in objects]
-        if 0 in counts or sum(counts) != len(values):
+        counts = [len(obj.data.vertices) for obj in objects]
+        if gone or sum(counts) != len(values):
             raise Skipped("it was changed meanwhile; run again")
         for obj in objects:
             skip_if(mesh_refusal(obj.data))
@@ -151,14 +150,15 @@ def write_attribute(
     return objects[0]
 
 
-def add_nodes(names: list[str], image: bpy.types.Image, *, activate: bool = False) -> list[str]:
-    """Add an Image Texture node for an image to the active material of each object of these names.
+def add_nodes(uids: dict[int, str], image: bpy.types.Image, *, activate: bool = False) -> list[str]:
+    """Add an Image Texture node for an image to the active material of each object of these uids.
 
     An object without a material gets one that shows the image.
 
     Parameters
     ----------
-    names : list of str
+    uids : dict of int to str
+        As from `uids_of`.
     image : bpy.types.Image
     activate : bool
         Whether the node becomes the active one, whose image Solid shading shows. Otherwise it does
@@ -170,17 +170,11 @@ def add_nodes(names: list[str], image: bpy.types.Image, *, activate: bool = Fals
         A sentence for each object that got a material or could not get the node, and one if it
         waits to be linked.
     """
-    notes, waits = [], False
-    for obj in (bpy.data.objects[name] for name in names):
+    (objects, notes), waits = find_again(uids), False
+    for obj in objects:
         material = obj.active_material
         if material is None and not mesh_refusal(obj.data):
-            material = bpy.data.materials.new(obj.name)
-            if bpy.app.version < (5, 0, 0):  # later, all use them
-                material.use_nodes = True
-            if obj.material_slots:
-                obj.material_slots[obj.active_material_index].material = material
-            else:
-                obj.data.materials.append(material)
+            material = give_material(obj)
             _link_to_color(material, image_node(material, image, activate))
             text = pgettext_rpt("{name} had no material, and got one that shows {image}.")
             notes.append(text.format(name=obj.name, image=image.name))
@@ -193,6 +187,18 @@ def add_nodes(names: list[str], image: bpy.types.Image, *, activate: bool = Fals
         text = pgettext_rpt("{name} is in the material, not linked yet: press Link.")
         notes.append(text.format(name=image.name))
     return notes
+
+
+def give_material(obj: bpy.types.Object) -> bpy.types.Material:
+    """Give an object that has no active material a new one with nodes."""
+    material = bpy.data.materials.new(obj.name)
+    if bpy.app.version < (5, 0, 0):  # later, all use them
+        material.use_nodes = True
+    if obj.material_slots:
+        obj.material_slots[obj.active_material_index].material = material
+    else:
+        obj.data.materials.append(material)
+    return material
 
 
 def image_node(

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ....core.advection.flow_maps import flow_map_velocity
 from ....core.host.advection import FlowPlane, FlowSurface
 from .. import arrays
-from ..chosen import mesh_users, refusal
+from ..chosen import mesh_users, refusal, uids_of
 from ..mesh import meshes
 from ..mesh.colors import find_colors
 from ..skipped import skip_if
@@ -59,15 +59,15 @@ class FlowTarget:
         Of the active object or the flow map.
     surface : FlowSurface, FlowPlane or Film
         The flow; later the input of the filter.
-    objects : list of str
-        Names of the objects whose faces were read, the active one first.
+    objects : dict of int to str
+        Names by uids of the objects whose faces were read, the active one first.
     image_uid : int
         Of the flow map; 0 for other flows.
     """
 
     name: str
     surface: FlowSurface | FlowPlane | Film
-    objects: list[str] = field(default_factory=list)
+    objects: dict[int, str] = field(default_factory=dict)
     image_uid: int = 0
 
 
@@ -119,7 +119,7 @@ def read_surface(
         elif of == "attribute":
             ((of, given),) = fields.read_directions(objects, parameters.field).items()
     surface = FlowSurface(faces, (size, size), of, given)
-    return FlowTarget(names[0], surface, names), skipped
+    return FlowTarget(names[0], surface, uids_of(objects)), skipped
 
 
 def _corner_colors(obj: bpy.types.Object, name: str) -> npt.NDArray[np.float64]:

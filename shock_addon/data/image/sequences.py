@@ -21,6 +21,7 @@ from ....core.errors import Cancelled, ShockError
 from ....core.files.frames import frame_name, write_folder
 from ....core.files.output import Unfinished
 from ....core.files.staging import temporary_folder
+from ..chosen import find_again
 from ..skipped import Refused
 
 _FRAME = r"frame_\d+\.png"
@@ -155,10 +156,12 @@ def play(user: bpy.types.ImageUser, count: int, repeats: bool) -> None:
     user.use_auto_refresh = True
 
 
-def play_in_materials(names: list[str], image: bpy.types.Image, count: int, repeats: bool) -> None:
+def play_in_materials(
+    uids: dict[int, str], image: bpy.types.Image, count: int, repeats: bool
+) -> None:
     """Play a sequence in the nodes that show an image, in the objects' materials."""
-    for name in names:
-        for slot in bpy.data.objects[name].material_slots:
+    for obj in find_again(uids)[0]:
+        for slot in obj.material_slots:
             tree = slot.material.node_tree if slot.material else None
             for node in tree.nodes if tree else ():
                 if node.type == "TEX_IMAGE" and node.image == image:
