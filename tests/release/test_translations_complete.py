@@ -156,6 +156,35 @@ def texts_of_errors():
                     yield from strings(node.exc.args[0])
 
 
+UNITS = "pixels", "texels", "edge lengths"
+"""What stands for the one field of composed findings."""
+
+
+def texts_of_findings():
+    """List what the core reports of its runs, in files that use `tell`: whole sentences."""
+    for path, tree in code():
+        parts = path.relative_to(ROOT).parts
+        imports = (node for node in tree.body if isinstance(node, ast.ImportFrom))
+        if "core" in parts and any(a.name == "tell" for node in imports for a in node.names):
+            raised = [node for node in ast.walk(tree) if isinstance(node, ast.Raise)]
+            errors = {id(part) for node in raised for part in ast.walk(node)}
+            for node in ast.walk(tree):
+                if id(node) not in errors:
+                    yield from (text for text in told(node) if re.match("[A-Z{].* .*[.]$", text))
+
+
+def told(node):
+    """List the texts that a composed one may be; a plain one comes from `strings`."""
+    if isinstance(node, ast.JoinedStr):
+        for unit in UNITS:
+            parts = (p.value if isinstance(p, ast.Constant) else unit for p in node.values)
+            yield "".join(parts)
+    elif isinstance(node, ast.Call | ast.Dict | ast.IfExp):
+        for part in ast.iter_child_nodes(node):
+            if isinstance(part, ast.Constant):
+                yield from strings(part)
+
+
 def texts_of_modes():
     for job in (job for jobs in JOBS.values() for job in jobs):
         yield from (job.label, job.about, job.does)
@@ -175,6 +204,7 @@ def texts():
     bpy.ops.wm.read_homefile(use_empty=True)
     shock_filter.register()
     found = [*texts_of_types(), *texts_of_code(), *texts_of_errors(), *texts_of_modes()]
+    found += texts_of_findings()
     shock_filter.unregister()
     return {text for text in found if re.search("[a-z]{2}", text)}
 
