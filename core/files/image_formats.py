@@ -46,7 +46,7 @@ def channels(pixels: Pixels) -> int:
 
 
 def _map_array(path: Path) -> ImageFile:
-    pixels = np.load(path, mmap_mode="r")
+    pixels = np.load(path, mmap_mode="c")  # never written; kernels take writable arrays as any
     if not isinstance(pixels, np.ndarray):
         raise ShockError(f"{path} is an archive of arrays; save one of them as .npy.")
     return ImageFile(pixels, "NumPy")

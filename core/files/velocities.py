@@ -134,7 +134,7 @@ def _of_map(path: Path, how: How) -> PlaneFlow:
 
 def _of_array(path: Path, how: How) -> Velocities:
     with reading(path, how.any_size):
-        found = np.load(path, mmap_mode="r")
+        found = np.load(path, mmap_mode="c")
     if not isinstance(found, np.ndarray):
         found.close()
         raise ShockError(f"{path} is an archive of arrays; rename it to .npz.")

@@ -60,7 +60,7 @@ def tangent_frames(mesh: TriangleMesh, uv: Floats, normals: Floats | None = None
     normals : (m, 3, 3) float64, optional
         Unit vectors at the corners; smooth ones if left out.
     """
-    normals = smooth_normals(mesh) if normals is None else normals
+    normals = np.ascontiguousarray(smooth_normals(mesh) if normals is None else normals)
     corners = mesh.vertices[mesh.faces]
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     s, t = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]

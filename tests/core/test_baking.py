@@ -7,6 +7,7 @@ from PIL import Image
 from shapes import grid, icosphere
 from shock_filter import core
 from shock_filter.core import cli
+from shock_filter.core.base import parallel
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.maps.baking import MAPS
 
@@ -264,7 +265,8 @@ def test_no_map_of_several_is_written_over_a_file_or_without_the_others(
 
 
 @pytest.mark.parametrize("maps", [MAPS, ("curvature",), ("thickness", "normals")])
-def test_progress_rises_to_its_end_and_does_not_stand_still(maps):
+def test_progress_rises_to_its_end_and_does_not_stand_still(maps, monkeypatch):
+    monkeypatch.setattr(parallel, "most_threads", 1)  # others might do all between two questions
     low, high, uv = sheets(0.08)
     torn = core.TriangleMesh(high.vertices, high.faces[40:])  # so that texels are filled
     seen = []
