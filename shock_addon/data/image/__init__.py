@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         fields,
         flows,
         images,
+        in_world,
         linking,
         maps,
         mixing,
