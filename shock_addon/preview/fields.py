@@ -39,7 +39,7 @@ class FieldStage:
     def __init__(self, target: data.image.fields.FieldTarget, is_slow: bool) -> None:
         self.chosen, self.note = {}, ""
         self._shape, self._surface = target.surface.shape, reduced(target.surface, is_slow)
-        self._uids = [bpy.data.objects[name].session_uid for name in target.objects]
+        self._uids = list(target.objects)
         self._coat = Coat(target.surface.faces)
 
     def settings(self, settings: Any) -> Any:
