@@ -8,7 +8,7 @@ MODES = {"SCULPT": "positions", "VERTEX_PAINT": "colors", "EDIT": "positions"}
 in_each_mode = pytest.mark.parametrize(("mode", "changed"), MODES.items())
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("comparing")
 

@@ -6,7 +6,7 @@ import pytest
 SIDES = "1024", "2048"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("detail")
 

@@ -6,7 +6,7 @@ import pytest
 WORDS = "ZeroDivisionError: raised on purpose"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("failing")
 

@@ -24,7 +24,7 @@ OPERATORS = [
 ]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("first_presses")
 

@@ -6,7 +6,7 @@ import pytest
 COUNT = 8
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("flowing")
 

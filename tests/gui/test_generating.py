@@ -6,7 +6,7 @@ import pytest
 TARGETS = ["distance", "streaks", "pattern", "curvature", "occlusion", "thickness", "wear"]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("generating")
 

@@ -28,7 +28,7 @@ ENDS = {
 }
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("interrupted")
 

@@ -6,7 +6,7 @@ import statistics
 import pytest
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("live")
 

@@ -10,7 +10,7 @@ LONGEST_CANCEL = 0.5
 """Of the run, until one that was to take 30 times as long has ended; on two quiet cores 0.05."""
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("long_run")
 

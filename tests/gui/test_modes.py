@@ -12,7 +12,7 @@ IMAGE_MODES = [
 ]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("modes")
 

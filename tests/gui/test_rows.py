@@ -4,7 +4,7 @@
 import pytest
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("rows")
 

@@ -6,7 +6,7 @@ import pytest
 MODES = ["image", "denoise_image", "texture"]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("seeing_images")
 

@@ -11,7 +11,7 @@ OPERATORS = {
 }
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("showing")
 

@@ -12,7 +12,7 @@ IMAGES = {
 }
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def report(play):
     return play("ten_jobs")
 
