@@ -13,7 +13,6 @@ import copy
 from pathlib import Path
 from typing import Any
 
-from llvmlite.ir import Module
 from numba.core import types
 from numba.core.callconv import CPUCallConv
 from numba.core.codegen import CPUCodeLibrary
@@ -41,22 +40,10 @@ _calls: list[Call] = []
 _add_ir_module = CPUCodeLibrary.add_ir_module
 
 
-class _Written(Module):
-    """A module that was written once: numba asks for its text, and a module is slow to write."""
-
-    def __init__(self, module: Module) -> None:
-        self.name = module.name
-        self._text = str(module)
-
-    def __str__(self) -> str:
-        return self._text
-
-
-def _keep_ir(library: CPUCodeLibrary, module: Module) -> None:
-    written = _Written(module)
+def _keep_ir(library: CPUCodeLibrary, module: Any) -> None:
     _libraries.append(library)
-    _written.setdefault(id(library), []).append(str(written))
-    _add_ir_module(library, written)
+    _written.setdefault(id(library), []).append(str(module))
+    _add_ir_module(library, module)
 
 
 _build_excinfo_struct = CPUCallConv.build_excinfo_struct
