@@ -95,7 +95,9 @@ def announcement(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     found = [top.name for obj in objects if (top := data.chosen.modifier_on_top(obj)) is not None]
     text = "New Object: {name} is on top, so what is seen is filtered, and the original is hidden."
     if is_live:
-        text = "Live copy: {name} is on top, so what is seen is filtered, and the original is hidden."
+        text = (
+            "Live copy: {name} is on top, so what is seen is filtered, and the original is hidden."
+        )
     return pgettext_rpt(text).format(name=", ".join(dict.fromkeys(found))) if found else ""
 
 
