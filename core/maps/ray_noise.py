@@ -19,7 +19,7 @@ _STEPS = 3
 _REACH = 2.0
 """The largest radius, in lengths of smoothing."""
 
-_AROUND = 8.0
+_AROUND = 5.0
 """The radius over which errors are averaged, in distances between places."""
 
 _CAUTION = 4.0
@@ -31,8 +31,8 @@ _SHARPNESS = 2.0
 _LEAST_COSINE = 0.5
 """Between normals of places that have nothing to do with each other: as of two faces."""
 
-_STEEPEST = 0.5
-"""Sine of the angle between a step and the surface, from which on it leads to another sheet."""
+_GAP, _STEEPEST = 0.5, 0.1
+"""How far above or below another sheet lies: in distances between places, and of the distance."""
 
 _RIDGE = 1e-3
 """Keeps slopes from following noise where places hardly differ."""
@@ -82,15 +82,24 @@ def without_noise(sites: Sites, halves: _Single, length: float) -> _Single:
         normals, spacings = sites.normals[order], sites.spacings[order]
         raw = np.ascontiguousarray(halves[order], dtype=np.float32)
     leaves = 1 << tree.depth
-    radii = np.float32(_REACH * length) * spacings
     tried = np.empty((len(raw), _STEPS + 1, 2 * count), dtype=np.float32)
     tried[:, _STEPS] = raw
     with phase(0.1, 0.7, "Smoothing"):
-        run(_fit, leaves, tree, normals, radii, raw, tried, chunk=_chunk(leaves))
+        run(
+            _fit,
+            leaves,
+            tree,
+            normals,
+            spacings,
+            _REACH * float(length),
+            raw,
+            tried,
+            chunk=_chunk(leaves),
+        )
     errors = _errors_of(tried)
     around = np.empty_like(errors)
     with phase(0.7, 1.0, "Smoothing"):
-        run(_average, leaves, tree, normals, np.float32(_AROUND) * spacings, errors, around,
+        run(_average, leaves, tree, normals, spacings, _AROUND, errors, around,
             chunk=_chunk(leaves))  # fmt: skip
     result = np.empty((len(raw), count), dtype=np.float32)
     result[order] = _mixed(tried, around)
@@ -102,25 +111,25 @@ def _chunk(leaves: int) -> int:
 
 
 def _errors_of(tried: _Single) -> _Single:
-    # Of each radius, the square of what it smooths away, and that of the noise that is left.
+    # Of each radius and value, the square of what it smooths away, and of the noise that is left.
     count = tried.shape[2] // 2
     away = tried[:, :-1] - tried[:, 1:]
-    lost = (away[..., :count] * away[..., count:]).mean(axis=2)
-    noise = 0.25 * ((tried[..., count:] - tried[..., :count]) ** 2).mean(axis=2)
-    return np.concatenate([lost, noise], axis=1)
+    lost = away[..., :count] * away[..., count:]
+    noise = np.float32(0.25) * (tried[..., count:] - tried[..., :count]) ** 2
+    return np.concatenate([lost, noise], axis=1).reshape(len(tried), -1)
 
 
 def _mixed(tried: _Single, errors: _Single) -> _Single:
-    # Means of the radii, weighted by their errors.
+    # Means of the radii, weighted by their errors, each value by its own.
     count = tried.shape[2] // 2
-    squares = errors[:, _STEPS:].copy()
-    lost = np.minimum.accumulate(np.maximum(errors[:, :_STEPS], 0.0), axis=1)
+    every = errors.reshape(len(tried), -1, count)
+    squares = every[:, _STEPS:] + np.float32(1e-12)
+    lost = np.minimum.accumulate(np.maximum(every[:, :_STEPS], 0.0), axis=1)
     squares[:, :_STEPS] += np.float32(_CAUTION) * lost
-    squares += np.float32(1e-12)
     weights = (squares.min(axis=1, keepdims=True) / squares) ** np.float32(_SHARPNESS)
     weights /= weights.sum(axis=1, keepdims=True)
     means = 0.5 * (tried[..., :count] + tried[..., count:])
-    mixed: _Single = (weights[..., None] * means).sum(axis=1)
+    mixed: _Single = (weights * means).sum(axis=1)
     return mixed
 
 
@@ -171,31 +180,33 @@ def _gather(tree, leaf, reach, stack, found):
 
 
 @kernel
-def _closeness(mx, my, mz, dx, dy, dz, square, nx, ny, nz):
+def _closeness(mx, my, mz, dx, dy, dz, square, nx, ny, nz, spacing):
     # How much a place belongs to another one: 1 on the same plane, 0 beyond an edge or a gap.
     agrees = (mx * nx + my * ny + mz * nz - _LEAST_COSINE) / (1.0 - _LEAST_COSINE)
     if agrees <= 0.0:
         return 0.0
     up = 0.5 * (dx * (mx + nx) + dy * (my + ny) + dz * (mz + nz))
-    level = 1.0 - up * up / (_STEEPEST * _STEEPEST * square + 1e-30)
+    most = _GAP * spacing + _STEEPEST * np.sqrt(square)
+    level = 1.0 - up * up / (most * most + 1e-30)
     if level <= 0.0:
         return 0.0
     return min(agrees * agrees, 1.0) * level * level
 
 
 @kernel
-def _average(start, stop, tree, normals, radii, values, out):
+def _average(start, stop, tree, normals, spacings, radius, values, out):
     # Means around each place, (n, c).
     stack, found = np.empty((128, 2), np.int64), np.empty(_MOST, np.int64)
     points, columns = tree.points, values.shape[1]
     sums = np.empty(columns)
     for leaf in range(start, stop):
         low, high = _leaf(tree, leaf)
-        count = _gather(tree, leaf, radii[low:high].max(), stack, found)
+        count = _gather(tree, leaf, radius * spacings[low:high].max(), stack, found)
         for i in range(low, high):
             nx, ny = np.float64(normals[i, 0]), np.float64(normals[i, 1])
             nz = np.float64(normals[i, 2])
-            farthest = np.float64(radii[i]) ** 2
+            spacing = np.float64(spacings[i])
+            farthest = (radius * spacing) ** 2
             total = 1.0
             for c in range(columns):
                 sums[c] = values[i, c]
@@ -208,7 +219,7 @@ def _average(start, stop, tree, normals, radii, values, out):
                     continue
                 weight = _closeness(
                     np.float64(normals[j, 0]), np.float64(normals[j, 1]),
-                    np.float64(normals[j, 2]), dx, dy, dz, square, nx, ny, nz,
+                    np.float64(normals[j, 2]), dx, dy, dz, square, nx, ny, nz, spacing,
                 )  # fmt: skip
                 near = 1.0 - square / farthest
                 weight *= near * near
@@ -220,7 +231,7 @@ def _average(start, stop, tree, normals, radii, values, out):
 
 
 @kernel
-def _fit(start, stop, tree, normals, radii, values, out):
+def _fit(start, stop, tree, normals, spacings, radius, values, out):
     # Values of linear fits at each place, (n, radii, c), from the largest radius down by halves.
     stack, found = np.empty((128, 2), np.int64), np.empty(_MOST, np.int64)
     points, columns, steps = tree.points, values.shape[1], out.shape[1] - 1
@@ -229,13 +240,14 @@ def _fit(start, stop, tree, normals, radii, values, out):
     x = np.empty(1 + _SLOPES)
     for leaf in range(start, stop):
         low, high = _leaf(tree, leaf)
-        count = _gather(tree, leaf, radii[low:high].max(), stack, found)
+        count = _gather(tree, leaf, radius * spacings[low:high].max(), stack, found)
         for i in range(low, high):
             nx, ny = np.float64(normals[i, 0]), np.float64(normals[i, 1])
             nz = np.float64(normals[i, 2])
             ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
-            farthest = np.float64(radii[i]) ** 2
-            scale = 1.0 / max(np.float64(radii[i]), 1e-30)
+            spacing = np.float64(spacings[i])
+            farthest = (radius * spacing) ** 2
+            scale = 1.0 / max(radius * spacing, 1e-30)
             matrices[:] = 0.0
             sides[:] = 0.0
             for step in range(steps):
@@ -251,7 +263,7 @@ def _fit(start, stop, tree, normals, radii, values, out):
                     continue
                 mx, my = np.float64(normals[j, 0]), np.float64(normals[j, 1])
                 mz = np.float64(normals[j, 2])
-                close = _closeness(mx, my, mz, dx, dy, dz, square, nx, ny, nz)
+                close = _closeness(mx, my, mz, dx, dy, dz, square, nx, ny, nz, spacing)
                 if close <= 0.0:
                     continue
                 x[0] = 1.0
