@@ -30,20 +30,22 @@ CELLS = 224  # a torus of 100,352 triangles
 SIZE = 1024
 SIZES = 256, 1024
 
+PLACES = 2500
+
 RAYS = """## Error and speed
 
-How far occlusion is from that of 4,096 rays, in percent of the way from black to white (root mean square), at 64 rays
-with the default smoothing and at more rays without any:
+How far occlusion is from that of 4,096 rays, in percent of the way from black to white (root mean
+square), at 64 rays with the default smoothing and at more rays without any:
 
 """
 
-BESIDE_CYCLES = """A map of 1,024 x 1,024 texels of a bumpy torus of 100,352 triangles, beside the bake of Blender's
-Cycles on the same cores. Errors are those against Cycles without its noise, which two further bakes tell. The last
-column says how many times as long Cycles works for the same error, by the seconds of all cores:
+BESIDE_CYCLES = """A map of 1,024 x 1,024 texels of a bumpy torus of 100,352 triangles, beside the
+bake of Blender's Cycles on the same cores. Errors are those against Cycles without its noise, which
+two further bakes tell. The last column says how many times as long Cycles works for the same error,
+by the seconds of all cores:
 
 """
 
-PLACES = 2500
 MANY = 64
 """Samples of the bakes that others are compared with."""
 
