@@ -232,11 +232,13 @@ def _average(start, stop, tree, normals, spacings, radius, values, out):
 
 @kernel
 def _fit(start, stop, tree, normals, spacings, radius, values, out):
-    # Values of linear fits at each place, (n, radii, c), from the largest radius down by halves.
+    # Values of linear fits at each place, (n, radii, c), from the largest radius down by halves;
+    # within the range of what is near, so that what is all black or white stays so.
     stack, found = np.empty((128, 2), np.int64), np.empty(_MOST, np.int64)
     points, columns, steps = tree.points, values.shape[1], out.shape[1] - 1
     matrices = np.empty((steps, _TERMS))
     sides = np.empty((steps, 1 + _SLOPES, columns))
+    lows, highs = np.empty(columns), np.empty(columns)  # within the smallest radius
     x = np.empty(1 + _SLOPES)
     for leaf in range(start, stop):
         low, high = _leaf(tree, leaf)
@@ -250,6 +252,8 @@ def _fit(start, stop, tree, normals, spacings, radius, values, out):
             scale = 1.0 / max(radius * spacing, 1e-30)
             matrices[:] = 0.0
             sides[:] = 0.0
+            for c in range(columns):
+                lows[c] = highs[c] = values[i, c]
             for step in range(steps):
                 matrices[step, 0] = 1.0
                 for c in range(columns):
@@ -286,12 +290,16 @@ def _fit(start, stop, tree, normals, spacings, radius, values, out):
                         for c in range(columns):
                             sides[step, r, c] += part * values[j, c]
                     limit *= 0.25
+                    if step == steps - 1:
+                        for c in range(columns):
+                            lows[c] = min(lows[c], values[j, c])
+                            highs[c] = max(highs[c], values[j, c])
             small = 1.0
             for step in range(steps):
                 _solve(matrices[step], sides[step], _RIDGE * matrices[step, 0], small)
                 small *= 0.25
                 for c in range(columns):
-                    out[i, step, c] = sides[step, 0, c]
+                    out[i, step, c] = min(max(sides[step, 0, c], lows[c]), highs[c])
 
 
 @kernel
