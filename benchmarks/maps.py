@@ -191,7 +191,7 @@ def rays(job: common.Job) -> None:
         for size in SIZES:
             sites = tracing.texel_sites(core.TextureAtlas(mesh, uv, size=(size, size)))
             chosen = np.random.default_rng(1).permutation(len(sites.numbers))[:PLACES]
-            some = tracing.Sites(*(each[chosen] for each in sites))
+            some = tracing.Sites._make(each[chosen] for each in sites)
             wanted = tracing.look_around(scene, some, 4096)[0].mean(axis=1)
             halves = tracing.look_around(scene, sites, 64)[0]
             smooth = without_noise(sites, halves, 4.0)[chosen, 0]

@@ -182,7 +182,7 @@ class _Baker:
         self._atlas, self._mesh, self._sites, self._onto = atlas, mesh, sites, onto
         self._scene, self._settings = scene, settings
         met = np.full(len(sites.numbers), True) if onto is None else onto.faces >= 0
-        self._is_met, self._met = met, Sites(*(each[met] for each in sites))
+        self._is_met, self._met = met, Sites._make(each[met] for each in sites)
         self._unmet = Unmet(atlas, sites.numbers[~met])
 
     def traced(self, wanted: Sequence[str]) -> dict[str, _Single]:
