@@ -515,7 +515,7 @@ def test_lines_of_pixels_have_no_noise_to_measure():
 
 def test_the_measured_noise_is_told():
     with gathering() as findings:
-        core.beltrami_image(textured())
+        core.beltrami_image(photo(48, 48, noise=0.05))
     assert str(findings[0]).startswith("Noise of ")
 
 
