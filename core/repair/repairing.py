@@ -32,12 +32,13 @@ from ..settings import (
 from ..texture.denoising import beltrami_texture
 from ..texture.sharpening import dilate_texture, sharpen_texture
 from ..texture.stitching import stitch_textures
-from ..texture.texels import check_content, checked_atlas, values_of
+from ..texture.texels import Texture, check_content, checked_atlas, values_of
 from ..texture.textures_by_width import nodes_inside
 from .blocks import remove_blocks
 from .enlarging import enlarge_texture
 from .filling import fill_texture
 from .missing import missing_texels, unseen_texels
+from .smoothest import roughness
 
 _Bools = npt.NDArray[np.bool_]
 
@@ -338,7 +339,8 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
     scale = SCALES[image.dtype.name]
     old, new = (each.reshape(*image.shape[:2], -1).astype(np.float32) for each in (image, result))
     far = np.abs(new - old).max(axis=2, keepdims=True) * scale / _STEP
-    mixed = old + (new - old) / (1 + far**4)
+    shares = _unlike_detail(surface, image, (new - old) * scale)[..., None] / (1 + far**4)
+    mixed = old + shares * (new - old)
     if settings.content != "values":  # mixtures of normals are shorter
         normals = 2 * scale * mixed[..., :3] - 1
         lengths = np.linalg.norm(normals, axis=2, keepdims=True)
@@ -351,6 +353,18 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
         .reshape(*image.shape[:2], *[1] * (image.ndim - 2))
     )
     return np.where(changed, _stored(mixed, image), image)
+
+
+def _unlike_detail(
+    surface: _Surface, image: npt.NDArray, change: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    # How far changes stand out from the detail beside them, in which nobody sees a seam: (h, w).
+    atlas = surface.atlas
+    pixels = image.reshape(*image.shape[:2], -1)
+    rough = roughness(Texture(atlas, pixels), pixels, across=False).reshape(-1)
+    detail = np.where(atlas.inside, rough[atlas.owners], np.float32(0))
+    squares = np.einsum("hwc,hwc->hw", change, change)
+    return squares / np.maximum(squares + detail, np.float32(1e-20))
 
 
 def _finished(
