@@ -38,7 +38,7 @@ from .blocks import remove_blocks
 from .enlarging import enlarge_texture
 from .filling import fill_texture
 from .missing import missing_texels, unseen_texels
-from .smoothest import roughness
+from .noticeable import against_contrast, beside_detail
 
 _Bools = npt.NDArray[np.bool_]
 
@@ -336,15 +336,32 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
     )
     if settings.stitch == "everywhere":
         return result
-    scale = SCALES[image.dtype.name]
-    old, new = (each.reshape(*image.shape[:2], -1).astype(np.float32) for each in (image, result))
-    far = np.abs(new - old).max(axis=2, keepdims=True) * scale / _STEP
-    shares = _unlike_detail(surface, image, (new - old) * scale)[..., None] / (1 + far**4)
-    mixed = old + shares * (new - old)
+    old, new = _in_singles(image, result)
+    pixels = image.reshape(*image.shape[:2], -1)
+    far = np.abs(new - old).max(axis=2) / _STEP
+    shares = beside_detail(Texture(surface.atlas, pixels), new - old) / (1 + far**4)
+    return _mixed(image, result, shares, settings)
+
+
+def _in_singles(*images: npt.NDArray) -> list[npt.NDArray[np.float32]]:
+    # Values for white = 1: (h, w, c).
+    scale = np.float32(SCALES[images[0].dtype.name])
+    return [scale * each.reshape(*each.shape[:2], -1).astype(np.float32) for each in images]
+
+
+def _mixed(
+    image: npt.NDArray,
+    result: npt.NDArray,
+    shares: npt.NDArray[np.float32],
+    settings: RepairSettings,
+) -> npt.NDArray:
+    # The image with a share (h, w) of its changes.
+    old, new = _in_singles(image, result)
+    mixed = old + shares[..., None] * (new - old)
     if settings.content != "values":  # mixtures of normals are shorter
-        normals = 2 * scale * mixed[..., :3] - 1
+        normals = 2 * mixed[..., :3] - 1
         lengths = np.linalg.norm(normals, axis=2, keepdims=True)
-        mixed[..., :3] = (normals / np.maximum(lengths, 1e-6) + 1) / (2 * scale)
+        mixed[..., :3] = (normals / np.maximum(lengths, 1e-6) + 1) / 2
     # Elsewhere texels keep their own bits, which single precision may not hold.
     rounding = _ROUNDING * (np.abs(old) + np.abs(old).mean())
     changed = (
@@ -352,19 +369,7 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
         .any(axis=2)
         .reshape(*image.shape[:2], *[1] * (image.ndim - 2))
     )
-    return np.where(changed, _stored(mixed, image), image)
-
-
-def _unlike_detail(
-    surface: _Surface, image: npt.NDArray, change: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
-    # How far changes stand out from the detail beside them, in which nobody sees a seam: (h, w).
-    atlas = surface.atlas
-    pixels = image.reshape(*image.shape[:2], -1)
-    rough = roughness(Texture(atlas, pixels), pixels, across=False).reshape(-1)
-    detail = np.where(atlas.inside, rough[atlas.owners], np.float32(0))
-    squares = np.einsum("hwc,hwc->hw", change, change)
-    return squares / np.maximum(squares + detail, np.float32(1e-20))
+    return np.where(changed, _stored(mixed / SCALES[image.dtype.name], image), image)
 
 
 def _finished(
@@ -378,9 +383,13 @@ def _finished(
         return enlarge_texture(mesh, uv, image, larger, atlas=atlas)
     amount = settings.sharpen * _blur(atlas, image, settings, unblocked)
     if amount > 0:
-        sharper = TextureSettings(amount=amount, **words)
-        return sharpen_texture(mesh, uv, image, sharper, atlas=atlas)
-    return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
+        with phase(0.0, 0.9, "Sharpening"):
+            sharp = sharpen_texture(mesh, uv, image, TextureSettings(**words), atlas=atlas)
+            old, new = _in_singles(image, sharp)
+            shares = np.float32(amount) * against_contrast(atlas.inside, old, new - old)
+            image = _mixed(image, sharp, shares, settings)
+    with phase(0.9, 1.0, "Filling the gutter"):
+        return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
 
 
 def _blur(
