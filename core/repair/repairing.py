@@ -355,21 +355,25 @@ def _mixed(
     shares: npt.NDArray[np.float32],
     settings: RepairSettings,
 ) -> npt.NDArray:
-    # The image with a share (h, w) of its changes.
-    old, new = _in_singles(image, result)
-    mixed = old + shares[..., None] * (new - old)
+    # The image with a share (h, w) of its changes; only changed texels are looked at.
+    old_texels, new_texels = (each.reshape(shares.size, -1) for each in (image, result))
+    where = np.flatnonzero((old_texels != new_texels).any(axis=1))
+    if len(where) == 0:
+        return image
+    given = old_texels[where]
+    old, new = (each[0] for each in _in_singles(given[None], new_texels[where][None]))
+    mixed = old + shares.reshape(-1, 1)[where] * (new - old)
     if settings.content != "values":  # mixtures of normals are shorter
-        normals = 2 * mixed[..., :3] - 1
-        lengths = np.linalg.norm(normals, axis=2, keepdims=True)
-        mixed[..., :3] = (normals / np.maximum(lengths, 1e-6) + 1) / 2
+        normals = 2 * mixed[:, :3] - 1
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        mixed[:, :3] = (normals / np.maximum(lengths, 1e-6) + 1) / 2
     # Elsewhere texels keep their own bits, which single precision may not hold.
-    rounding = _ROUNDING * (np.abs(old) + np.abs(old).mean())
-    changed = (
-        (np.abs(new - old) > rounding)
-        .any(axis=2)
-        .reshape(*image.shape[:2], *[1] * (image.ndim - 2))
-    )
-    return np.where(changed, _stored(mixed / SCALES[image.dtype.name], image), image)
+    scale = SCALES[image.dtype.name]
+    rounding = _ROUNDING * (np.abs(old) + scale * np.abs(image).mean(dtype=np.float64))
+    changed = (np.abs(new - old) > rounding).any(axis=1)
+    found = old_texels.copy()
+    found[where[changed]] = _stored(mixed / scale, given)[changed]
+    return found.reshape(image.shape)
 
 
 def _finished(
