@@ -23,10 +23,11 @@ ROOT = Path(__file__).resolve().parents[1]
 ROUNDS, REPEATS = 3, 3
 
 
-def _mesh(level: int):
-    from shock_filter import core
-
-    return core.TriangleMesh(*common.load_mesh(None, common.CREASED_SPHERE, level))
+def _shape(level: int):
+    # A little rough, so that both filters have something to do.
+    points, faces = common.load_mesh(None, common.CREASED_SPHERE, level)
+    noise = np.random.default_rng(0).normal(scale=0.2 / 2**level, size=points.shape)
+    return points + noise, faces
 
 
 def _picture(side: int) -> np.ndarray:
@@ -50,9 +51,9 @@ def prepared(name: str, size: int):
     from shock_filter import core
 
     if "geometry" in name:
-        mesh = _mesh(7 if size else 3)
+        shape = _shape(7 if size else 3)
         call = core.denoise_geometry if "denoise" in name else core.sharpen_geometry
-        return lambda: call(mesh)
+        return lambda: call(core.TriangleMesh(*shape))  # what is known of a mesh is kept with it
     if name == "image":
         picture = _picture(768 if size else 48)
         return lambda: core.sharpen_image(picture)

@@ -77,6 +77,7 @@ class WindowBlender:
         home = self.seen(work)
         settings = {
             "HOME": home,
+            "TMPDIR": home,  # where Blender reports its crashes
             "XDG_RUNTIME_DIR": home,
             "BLENDER_USER_RESOURCES": home / "resources",
             "LC_ALL": "C.UTF-8",

@@ -159,23 +159,31 @@ class Kernel:
         return compile_kernel(self.py_func, self.fastmath, keep="NUMBA_CACHE_DIR" in os.environ)
 
     def _resolve(self, types: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Call:
-        names = [type_name(each) for each in arguments]
-        found = library()
-        entry = found.find(self.name, names) if found is not None else None
-        if found is not None and entry is not None:
-            call: Any = _Call(self.name, arguments, *entry, found.free)
-        else:
-            try:
-                call = _NumbaCall(self.dispatcher)
-            except ImportError:
+        call = self._by_library(arguments) or self._by_numba()
+        if call is None:  # the library may have it for arrays that are contiguous
+            contiguous = _contiguous(arguments)
+            known = self._by_library(contiguous)
+            if known is None:
                 raise KernelMissing(
                     "No kernel {name} was compiled for the types {types}: install numba, and report"
                     " this as a bug of Shock Filter.",
                     name=self.name,
-                    types=", ".join(names),
-                ) from None
+                    types=", ".join(map(type_name, arguments)),
+                )
+            call = _CopyingCall(known)
         self._calls[types] = call
         return call
+
+    def _by_library(self, arguments: tuple[Any, ...]) -> _Call | None:
+        found = library()
+        entry = found.find(self.name, list(map(type_name, arguments))) if found else None
+        return None if entry is None else _Call(self.name, arguments, *entry, found.free)
+
+    def _by_numba(self) -> _NumbaCall | None:
+        try:
+            return _NumbaCall(self.dispatcher)
+        except ImportError:
+            return None
 
 
 def name_of(function: Callable[..., Any]) -> str:
@@ -286,6 +294,51 @@ class _NumbaCall:
 
     def bind(self, arguments: tuple[Any, ...]) -> Callable[[int, int], Any]:
         return lambda start, stop: self._dispatcher(start, stop, *arguments)
+
+
+class _CopyingCall:
+    """The same with contiguous copies of arrays, whose values are copied back.
+
+    Slower than a kernel for the types at hand, but no user lacks numba then.
+    """
+
+    def __init__(self, call: _Call) -> None:
+        self._call = call
+
+    def __call__(self, arguments: tuple[Any, ...]) -> Any:
+        copies = _contiguous(arguments)
+        result = self._call(copies)
+        _copy_back(copies, arguments)
+        return result
+
+    def bind(self, arguments: tuple[Any, ...]) -> Callable[[int, int], Any]:
+        copies = _contiguous(arguments)
+        bound = self._call.bind(copies)
+
+        def call(start: int, stop: int) -> Any:
+            result = bound(start, stop)
+            _copy_back(copies, arguments)
+            return result
+
+        return call
+
+
+def _contiguous(value: Any) -> Any:
+    # Arrays that are contiguous and writable, those of tuples included.
+    if type(value) is np.ndarray:
+        return np.require(value, requirements=["C", "A", "W"])
+    if isinstance(value, tuple):
+        parts = map(_contiguous, value)
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return value
+
+
+def _copy_back(copies: tuple[Any, ...], into: tuple[Any, ...]) -> None:
+    for copy, given in zip(copies, into, strict=True):
+        if isinstance(given, tuple):
+            _copy_back(copy, given)
+        elif copy is not given and type(given) is np.ndarray and given.flags.writeable:
+            given[...] = copy
 
 
 def _letters(value: Any) -> str:

@@ -309,10 +309,11 @@ def _widths(
     run(find, len(tiles), chunk=1)
     count = sum(map(len, candidates))
     every = max(-(-count // _MOST_BORDERS), 1)
+    some = [np.ascontiguousarray(each[::every]) for each in candidates]
 
     def follow(start: int, stop: int) -> None:
         for i in range(start, stop):
-            found[i] = _profiles(smoothed[i], seen[i], candidates[i][::every], sigma)
+            found[i] = _profiles(smoothed[i], seen[i], some[i], sigma)
 
     run(follow, len(tiles), chunk=1)
     together = np.concatenate(found)

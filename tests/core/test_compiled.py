@@ -90,3 +90,61 @@ def test_a_missing_kernel_is_named_with_its_types(monkeypatch):
         KernelMissing, match=r"No kernel .*test_addresses.* types <f81C, i: install"
     ):
         kernel(np.zeros(2), 1)
+
+
+class OfContiguous:
+    """A library with one kernel, which adds a number to contiguous floats."""
+
+    free = None
+
+    def find(self, name, types):
+        return (None, None) if types in (["<f82C", "f"], ["i", "i", "<f82C", "f"]) else None
+
+
+class Adding:
+    """Its call, without ctypes."""
+
+    def __init__(self, name, arguments, *rest):
+        pass
+
+    def __call__(self, arguments):
+        values, number = arguments
+        assert values.flags.c_contiguous
+        values += number
+        return float(values.sum())
+
+    def bind(self, arguments):
+        def call(start, stop):
+            assert arguments[0].flags.c_contiguous
+            arguments[0][start:stop] += arguments[1]
+
+        return call
+
+
+@pytest.fixture
+def adding(monkeypatch):
+    monkeypatch.setattr(compiled, "library", OfContiguous)
+    monkeypatch.setattr(compiled, "_Call", Adding)
+    monkeypatch.setitem(sys.modules, f"{compiled.__package__}.kernel_cache", None)
+    return compiled.Kernel(test_addresses_are_read_past_the_head_of_arrays, False)
+
+
+def test_without_numba_other_orders_of_arrays_are_copied(adding):
+    whole = np.zeros((6, 4))
+    assert adding(whole[::2], 1.5) == 18.0
+    assert (whole[::2] == 1.5).all() and (whole[1::2] == 0).all()
+    fixed = np.zeros((3, 2))
+    fixed.flags.writeable = False
+    assert adding(fixed, 1.0) == 6.0
+    assert not fixed.any()
+    with pytest.raises(KernelMissing, match="types <f42C, f"):
+        adding(whole.astype(np.float32), 1.5)
+
+
+def test_bound_kernels_copy_back_after_each_chunk(adding):
+    whole = np.zeros((8, 2))
+    call = adding.bind(whole[::2], 1.0)
+    call(0, 2)
+    assert whole[:, 0].tolist() == [1, 0, 1, 0, 0, 0, 0, 0]
+    call(2, 4)
+    assert whole[:, 0].tolist() == [1, 0, 1, 0, 1, 0, 1, 0]

@@ -165,8 +165,12 @@ def _play(blender, work: Path, name: str, keep: bool = False) -> dict:
     done = blender.run(work, "blender", *window, *script, "--", *targets, screen=True, limit=LIMIT)
     path = work / name / "report.json"
     report = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    report.update(code=done.returncode, output=done.stdout)
-    report["said"] = f"{report.get('traceback')}\nBlender's output:\n{done.stdout}"
+    output = done.stdout
+    for crash in work.glob("*.crash.txt"):
+        output += crash.read_text(encoding="utf-8", errors="replace")
+        crash.unlink()
+    report.update(code=done.returncode, output=output)
+    report["said"] = f"{report.get('traceback')}\nBlender's output:\n{output}"
     return report
 
 
