@@ -278,12 +278,11 @@ def _in_cell(stencil, kinds, y, x):
 @kernel
 def _holds_any(kinds, y, x):
     # Whether a column has an unknown within two rows.
-    if x >= kinds.shape[1]:
-        return False
-    for row in range(max(y - 2, 0), min(y + 3, kinds.shape[0])):
-        if kinds[row, x] != NONE:
-            return True
-    return False
+    found = False
+    if x < kinds.shape[1]:
+        for row in range(max(y - 2, 0), min(y + 3, kinds.shape[0])):
+            found |= kinds[row, x] != NONE
+    return found
 
 
 @kernel
@@ -300,9 +299,9 @@ def _coarsen_stencil(start, stop, stencil, kinds, coarse):
             x = 2 * column
             on_left = held
             held = _holds_any(kinds, y, x + 2)
-            if not (on_left or held or _holds_any(kinds, y, x + 1)):
-                if right_before == 0 and rising_before == 0:
-                    continue
+            ends_here = right_before == 0 and rising_before == 0
+            if ends_here and not (on_left or held or _holds_any(kinds, y, x + 1)):
+                continue
             lower = upper = left = right = falling = rising = np.float32(0)
             if x + 1 < columns - 1:
                 if 0 < y < rows:
