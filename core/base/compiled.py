@@ -159,7 +159,7 @@ class Kernel:
         return compile_kernel(self.py_func, self.fastmath, keep="NUMBA_CACHE_DIR" in os.environ)
 
     def _resolve(self, types: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Call:
-        call = self._by_library(arguments) or self._by_numba()
+        call: Any = self._by_library(arguments) or self._by_numba()
         if call is None:  # the library may have it for arrays that are contiguous
             contiguous = _contiguous(arguments)
             known = self._by_library(contiguous)
@@ -176,7 +176,9 @@ class Kernel:
 
     def _by_library(self, arguments: tuple[Any, ...]) -> _Call | None:
         found = library()
-        entry = found.find(self.name, list(map(type_name, arguments))) if found else None
+        if found is None:
+            return None
+        entry = found.find(self.name, list(map(type_name, arguments)))
         return None if entry is None else _Call(self.name, arguments, *entry, found.free)
 
     def _by_numba(self) -> _NumbaCall | None:

@@ -25,6 +25,9 @@ from ..settings import BETA_UNKNOWN, BeltramiSettings
 _FARTHEST = 1e15  # its square is far from the ends of float32
 _LEAST_NOISE, _MOST = 1e-30, 1e6
 
+_TOLD = 1e-3
+"""Noise that is told with its number: rounding to bytes is as much."""
+
 
 _NOISE = 1.1
 """How many pixels away noise of one standard deviation is.
@@ -55,7 +58,10 @@ def with_beta(
         return settings.changed(beta=BETA_UNKNOWN)
     # Distances add up over the channels.
     beta = min(_NOISE / max(noise * math.sqrt(count), _LEAST_NOISE), _MOST)
-    tell("Noise of {noise:.2g}; Keep Edges {beta:.3g}.", noise=noise, beta=beta)
+    if noise < _TOLD:
+        tell("Hardly any noise was found.")
+    else:
+        tell("Noise of {noise:.2g}; Keep Edges {beta:.3g}.", noise=noise, beta=beta)
     return settings.changed(beta=beta)
 
 

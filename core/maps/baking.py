@@ -23,7 +23,8 @@ from ..texture.normal_maps import checked_normals
 from ..texture.texels import Texture, written
 from .drawing import atlas_for, drawn_smoothly, with_gutter
 from .projecting import Onto, project
-from .traced import on_sheet, smoothed
+from .ray_noise import without_noise
+from .traced import on_sheet
 from .tracing import (
     Scene,
     Sites,
@@ -180,8 +181,9 @@ class _Baker:
     ) -> None:
         self._atlas, self._mesh, self._sites, self._onto = atlas, mesh, sites, onto
         self._scene, self._settings = scene, settings
-        numbers = sites.numbers[:0] if onto is None else sites.numbers[onto.faces < 0]
-        self._unmet = Unmet(atlas, numbers)
+        met = np.full(len(sites.numbers), True) if onto is None else onto.faces >= 0
+        self._is_met, self._met = met, Sites._make(each[met] for each in sites)
+        self._unmet = Unmet(atlas, sites.numbers[~met])
 
     def traced(self, wanted: Sequence[str]) -> dict[str, _Single]:
         """Return what comes of rays, on the sheet."""
@@ -201,11 +203,12 @@ class _Baker:
         sheets = {}
         for name, part in zip(names, parts, strict=True):
             with phase(*part, "Smoothing"):
-                both = on_sheet(self._atlas, sites, halves[name].astype(np.float32))
-                with phase(0.0, filling, "Filling"):
-                    both = self._unmet.filled(both)
-                with phase(filling, 1.0, "Smoothing"):
-                    sheets[name] = smoothed(self._atlas, both, settings.smoothing)
+                both = halves[name].astype(np.float32)
+                with phase(0.0, 1.0 - filling, "Smoothing"):
+                    found = without_noise(self._met, both[self._is_met], settings.smoothing)
+                with phase(1.0 - filling, 1.0, "Filling"):
+                    sheet = on_sheet(self._atlas, self._met, found)
+                    sheets[name] = self._unmet.filled(sheet)
         if "bent_normals" in sheets:
             vectors = sheets["bent_normals"]
             lengths = np.linalg.norm(vectors, axis=2, keepdims=True)

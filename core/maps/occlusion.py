@@ -56,16 +56,15 @@ def ambient_occlusion(
         If an occluder is no mesh.
     InvalidSettings
         If the size cannot be used.
-    SolverError
-        If the noise cannot be smoothed.
 
     Notes
     -----
-    Rays leave each texel in the directions of Sobol's points, scrambled anew at each texel, and
-    meet triangles in a hierarchy of boxes. Both sides of faces stand in the way. Normals are
-    smooth over edges of less than 30 degrees, sharp over those of more than 60, and in between in
-    between. Noise is smoothed along the surface, see `OcclusionSettings.smoothing`: for each place,
-    one half of the rays tells how far the other may be smoothed.
+    Rays leave each texel in the directions of scrambled Sobol's points, of which neighbours have
+    different ones, and meet triangles in a hierarchy of boxes. Both sides of faces stand in the
+    way. Normals are smooth over edges of less than 30 degrees, sharp over those of more than 60,
+    and in between in between. Noise is smoothed along the surface, but not across edges, see
+    `OcclusionSettings.smoothing`: around each place values are fitted by position and normal within
+    several radii, and both halves of the rays tell which radius keeps what is there.
 
     The kernels are part of the core, as libraries for rays have no wheels for some platforms of
     the extension.
@@ -120,7 +119,7 @@ def bent_normals(
 
     Raises
     ------
-    InvalidUV, InvalidSignal, InvalidSettings, SolverError, Cancelled
+    InvalidUV, InvalidSignal, InvalidSettings, Cancelled
         As in `ambient_occlusion`.
 
     Examples
@@ -173,7 +172,7 @@ def thickness(
 
     Raises
     ------
-    InvalidUV, InvalidSettings, SolverError, Cancelled
+    InvalidUV, InvalidSettings, Cancelled
         As in `ambient_occlusion`.
 
     Notes

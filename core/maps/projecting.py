@@ -93,7 +93,9 @@ def project(
     normals = unit_vectors(normals).astype(np.float32)
     facing = high.normals[faces].astype(np.float32)
     normals[~met], facing[~met] = sites.normals[~met], sites.facing[~met]
-    on_high = Sites(points.astype(np.float32), normals, facing, sites.numbers)
+    spacings = sites.spacings * np.float32(low.mean_edge_length / scene.unit)
+    points = points.astype(np.float32)
+    on_high = Sites(points, normals, facing, sites.numbers, sites.turns, spacings)
     return Onto(on_high, faces, shares, (heights * np.float32(scene.unit)))
 
 

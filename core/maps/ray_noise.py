@@ -6,89 +6,317 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..atlas import TextureAtlas
-from ..atlas.ghosts import fill_ghosts
+from ..base.parallel import kernel, run
 from ..base.progress import phase
-from ..elements.matrices import TextureSpace
-from ..elements.multigrid import SheetSolver
-from ..elements.surface_values import corner_values, surface_values
+from ..mesh.nearest import point_tree
+from .tracing import Sites, tangents
 
 _Single = npt.NDArray[np.float32]
 
-_STEPS = 4
-"""Lengths of smoothing, each half of the one before."""
+_STEPS = 3
+"""Radii of fits, each half of the one before."""
 
-_TOLERANCE = 1e-2
+_REACH = 2.0
+"""The largest radius, in lengths of smoothing."""
 
-_AROUND = 3.0
-"""Texels over which errors are compared."""
+_AROUND = 5.0
+"""The radius over which errors are averaged, in distances between places."""
 
-_SHARPNESS = 12.0
-"""How clearly a length must be better to be chosen alone."""
+_CAUTION = 4.0
+"""How much a departure from the next smaller radius counts, in squares: it misses a part."""
+
+_SHARPNESS = 2.0
+"""Power of the errors with which radii are weighted."""
+
+_LEAST_COSINE = 0.5
+"""Between normals of places that have nothing to do with each other: as of two faces."""
+
+_GAP, _STEEPEST = 0.5, 0.1
+"""How far above or below another sheet lies: in distances between places, and of the distance."""
+
+_RIDGE = 1e-3
+"""Keeps slopes from following noise where places hardly differ."""
+
+_MOST = 2048
+"""Most places around a few; of more, some are left out evenly."""
+
+_SLOPES = 4
+"""Unknowns of a fit beside the value: along two directions, and for the tilt along both."""
+
+_TERMS = 15
+"""Entries of half the symmetric matrix of all."""
 
 
-def without_noise(
-    atlas: TextureAtlas, halves: _Single, length: float
-) -> tuple[TextureSpace, _Single]:
-    """Smooth two independent estimates of a map on the sheet, and return their mean.
+def without_noise(sites: Sites, halves: _Single, length: float) -> _Single:
+    """Smooth two independent estimates at places on a surface, and return their mean.
 
-    Each half is diffused over `length` texels, a half, a quarter and so on of that. How far a
-    result is from the other half, on average around a place, tells its error there up to the noise
-    of the other half, which is the same for all lengths (Rousselle et al. 2012, "Adaptive rendering
-    with non-local means filtering", choose bandwidths so). Lengths are mixed by weights that fall
-    with that error.
+    Around each place both halves are fitted within some radii by functions that are linear in the
+    position and the normal (Moon et al. 2014, "Adaptive rendering based on weighted local
+    regression"). Weights fall with the distance and with the angle between normals, so that nothing
+    crosses sharp edges; what lies above or below belongs to another sheet.
+
+    As both halves have a noise of their own (Rousselle et al. 2012, "Adaptive rendering with
+    non-local means filtering"), the product of how far each departs from its fit with the next
+    smaller radius is, on average around a place, the square of what the radius smooths away; and
+    the square of their difference is the noise that is left. If a radius departs little, smaller
+    ones are no better. Radii are mixed by weights that fall with the sum of both.
 
     Parameters
     ----------
-    atlas : TextureAtlas
-    halves : (rows, columns, 2 c) float32
-        Both estimates of c channels, one after the other. Ghosts are overwritten.
+    sites : Sites
+    halves : (k, 2 c) float32
+        Both estimates of c values, one after the other.
     length : float
-        In texels.
+        In distances between places; 0 smooths nothing.
 
     Returns
     -------
-    TextureSpace
-    (n, c) float32
-        Values of that space.
+    (k, c) float32
     """
-    with phase(0.0, 0.2, "Smoothing"):
-        space = TextureSpace(atlas)
-        known = fill_ghosts(atlas.sheet, atlas.sources, halves)
-        raw = surface_values(space, halves, corner_values(space, halves, known))
-    count = raw.shape[1] // 2
-    swapped = np.concatenate([raw[:, count:], raw[:, :count]], axis=1)
-    around = _Smoother(space, _AROUND)
-    tried, errors = [raw], []
-    for step in range(_STEPS):
-        with phase(0.2 + 0.1 * step, 0.3 + 0.1 * step, "Smoothing"):
-            tried.append(_Smoother(space, length * 0.5**step).smoothed(raw))
-    for step, each in enumerate(tried):
-        with phase(0.6 + 0.08 * step, 0.68 + 0.08 * step, "Smoothing"):
-            square = ((each - swapped) ** 2).mean(axis=1, keepdims=True)
-            errors.append(np.maximum(around.smoothed(square), 0.0))
-    stacked = np.stack(errors)
-    least = stacked.min(axis=0)
-    # Relative to the noise: what the raw halves differ by.
-    scale = np.maximum(stacked[0], np.float32(1e-9))
-    weights = np.exp(-_SHARPNESS * (stacked - least) / scale)
-    weights /= weights.sum(axis=0)
-    result = np.zeros((len(raw), count), dtype=np.float32)
-    for weight, each in zip(weights, tried, strict=True):
-        result += weight * 0.5 * (each[:, :count] + each[:, count:])
-    return space, result
+    count = halves.shape[1] // 2
+    if length <= 0 or not len(halves):
+        return 0.5 * (halves[:, :count] + halves[:, count:])
+    with phase(0.0, 0.1, "Smoothing"):
+        tree = point_tree(sites.points.astype(np.float64))
+        order = tree.numbers
+        normals, spacings = sites.normals[order], sites.spacings[order]
+        raw = np.ascontiguousarray(halves[order], dtype=np.float32)
+    leaves = 1 << tree.depth
+    tried = np.empty((len(raw), _STEPS + 1, 2 * count), dtype=np.float32)
+    tried[:, _STEPS] = raw
+    with phase(0.1, 0.7, "Smoothing"):
+        run(
+            _fit,
+            leaves,
+            tree,
+            normals,
+            spacings,
+            _REACH * float(length),
+            raw,
+            tried,
+            chunk=_chunk(leaves),
+        )
+    errors = _errors_of(tried)
+    around = np.empty_like(errors)
+    with phase(0.7, 1.0, "Smoothing"):
+        run(_average, leaves, tree, normals, spacings, _AROUND, errors, around,
+            chunk=_chunk(leaves))  # fmt: skip
+    result = np.empty((len(raw), count), dtype=np.float32)
+    result[order] = _mixed(tried, around)
+    return result
 
 
-class _Smoother:
-    # Implicit diffusion over a length in texels.
+def _chunk(leaves: int) -> int:
+    return min(max(leaves // 64, 1), 256)
 
-    def __init__(self, space: TextureSpace, length: float) -> None:
-        matrix = space.matrix(max(length, 1e-3) ** -2.0, lumped=True)
-        self._masses = matrix.screen[:, None]
-        self._solver = SheetSolver(matrix)
 
-    def smoothed(self, values: _Single) -> _Single:
-        found = values.astype(np.float32).copy()
-        found[self._masses[:, 0] <= 0] = 0.0
-        self._solver.solve(self._masses * values, found, _TOLERANCE, message="Smoothing")
-        return found
+def _errors_of(tried: _Single) -> _Single:
+    # Of each radius and value, the square of what it smooths away, and of the noise that is left.
+    count = tried.shape[2] // 2
+    away = tried[:, :-1] - tried[:, 1:]
+    lost = away[..., :count] * away[..., count:]
+    noise = np.float32(0.25) * (tried[..., count:] - tried[..., :count]) ** 2
+    return np.concatenate([lost, noise], axis=1).reshape(len(tried), -1)
+
+
+def _mixed(tried: _Single, errors: _Single) -> _Single:
+    # Means of the radii, weighted by their errors, each value by its own.
+    count = tried.shape[2] // 2
+    every = errors.reshape(len(tried), -1, count)
+    squares = every[:, _STEPS:] + np.float32(1e-12)
+    lost = np.minimum.accumulate(np.maximum(every[:, :_STEPS], 0.0), axis=1)
+    squares[:, :_STEPS] += np.float32(_CAUTION) * lost
+    weights = (squares.min(axis=1, keepdims=True) / squares) ** np.float32(_SHARPNESS)
+    weights /= weights.sum(axis=1, keepdims=True)
+    means = 0.5 * (tried[..., :count] + tried[..., count:])
+    mixed: _Single = (weights * means).sum(axis=1)
+    return mixed
+
+
+@kernel
+def _leaf(tree, leaf):
+    # The points of a leaf.
+    count = len(tree.points)
+    return (count * leaf) >> tree.depth, (count * (leaf + 1)) >> tree.depth
+
+
+@kernel
+def _gather(tree, leaf, reach, stack, found):
+    # Lists the points of leaves within reach of a leaf's box; returns their number.
+    first = (1 << tree.depth) - 1
+    box = tree.boxes[first + leaf]
+    stride = 1
+    while True:
+        count, seen, fits = 0, 0, True
+        stack[0, 0], stack[0, 1] = 0, 0
+        waiting = 1
+        while waiting > 0 and fits:
+            waiting -= 1
+            level, node = stack[waiting, 0], stack[waiting, 1]
+            other = tree.boxes[(1 << level) - 1 + node]
+            square = 0.0
+            for x in range(3):
+                away = max(other[0, x] - box[1, x], box[0, x] - other[1, x], 0.0)
+                square += away * away
+            if square > reach * reach:
+                continue
+            if level < tree.depth:
+                stack[waiting, 0] = stack[waiting + 1, 0] = level + 1
+                stack[waiting, 1], stack[waiting + 1, 1] = 2 * node + 1, 2 * node
+                waiting += 2
+                continue
+            low, high = _leaf(tree, node)
+            for k in range(low, high):
+                if node == leaf or seen % stride == 0:
+                    if count == len(found):
+                        fits = False
+                        break
+                    found[count] = k
+                    count += 1
+                seen += 1
+        if fits:
+            return count
+        stride *= 2
+
+
+@kernel
+def _closeness(mx, my, mz, dx, dy, dz, square, nx, ny, nz, spacing):
+    # How much a place belongs to another one: 1 on the same plane, 0 beyond an edge or a gap.
+    agrees = (mx * nx + my * ny + mz * nz - _LEAST_COSINE) / (1.0 - _LEAST_COSINE)
+    if agrees <= 0.0:
+        return 0.0
+    up = 0.5 * (dx * (mx + nx) + dy * (my + ny) + dz * (mz + nz))
+    most = _GAP * spacing + _STEEPEST * np.sqrt(square)
+    level = 1.0 - up * up / (most * most + 1e-30)
+    if level <= 0.0:
+        return 0.0
+    return min(agrees * agrees, 1.0) * level * level
+
+
+@kernel
+def _average(start, stop, tree, normals, spacings, radius, values, out):
+    # Means around each place, (n, c).
+    stack, found = np.empty((128, 2), np.int64), np.empty(_MOST, np.int64)
+    points, columns = tree.points, values.shape[1]
+    sums = np.empty(columns)
+    for leaf in range(start, stop):
+        low, high = _leaf(tree, leaf)
+        count = _gather(tree, leaf, radius * spacings[low:high].max(), stack, found)
+        for i in range(low, high):
+            nx, ny = np.float64(normals[i, 0]), np.float64(normals[i, 1])
+            nz = np.float64(normals[i, 2])
+            spacing = np.float64(spacings[i])
+            farthest = (radius * spacing) ** 2
+            total = 1.0
+            for c in range(columns):
+                sums[c] = values[i, c]
+            for n in range(count):
+                j = found[n]
+                dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+                dz = points[j, 2] - points[i, 2]
+                square = dx * dx + dy * dy + dz * dz
+                if square >= farthest or j == i:
+                    continue
+                weight = _closeness(
+                    np.float64(normals[j, 0]), np.float64(normals[j, 1]),
+                    np.float64(normals[j, 2]), dx, dy, dz, square, nx, ny, nz, spacing,
+                )  # fmt: skip
+                near = 1.0 - square / farthest
+                weight *= near * near
+                total += weight
+                for c in range(columns):
+                    sums[c] += weight * values[j, c]
+            for c in range(columns):
+                out[i, c] = sums[c] / total
+
+
+@kernel
+def _fit(start, stop, tree, normals, spacings, radius, values, out):
+    # Values of linear fits at each place, (n, radii, c), from the largest radius down by halves;
+    # within the range of what is near, so that what is all black or white stays so.
+    stack, found = np.empty((128, 2), np.int64), np.empty(_MOST, np.int64)
+    points, columns, steps = tree.points, values.shape[1], out.shape[1] - 1
+    matrices = np.empty((steps, _TERMS))
+    sides = np.empty((steps, 1 + _SLOPES, columns))
+    lows, highs = np.empty(columns), np.empty(columns)  # within the smallest radius
+    x = np.empty(1 + _SLOPES)
+    for leaf in range(start, stop):
+        low, high = _leaf(tree, leaf)
+        count = _gather(tree, leaf, radius * spacings[low:high].max(), stack, found)
+        for i in range(low, high):
+            nx, ny = np.float64(normals[i, 0]), np.float64(normals[i, 1])
+            nz = np.float64(normals[i, 2])
+            ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+            spacing = np.float64(spacings[i])
+            farthest = (radius * spacing) ** 2
+            scale = 1.0 / max(radius * spacing, 1e-30)
+            matrices[:] = 0.0
+            sides[:] = 0.0
+            for c in range(columns):
+                lows[c] = highs[c] = values[i, c]
+            for step in range(steps):
+                matrices[step, 0] = 1.0
+                for c in range(columns):
+                    sides[step, 0, c] = values[i, c]
+            for n in range(count):
+                j = found[n]
+                dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+                dz = points[j, 2] - points[i, 2]
+                square = dx * dx + dy * dy + dz * dz
+                if square >= farthest or j == i:
+                    continue
+                mx, my = np.float64(normals[j, 0]), np.float64(normals[j, 1])
+                mz = np.float64(normals[j, 2])
+                close = _closeness(mx, my, mz, dx, dy, dz, square, nx, ny, nz, spacing)
+                if close <= 0.0:
+                    continue
+                x[0] = 1.0
+                x[1] = scale * (dx * ax + dy * ay + dz * az)
+                x[2] = scale * (dx * bx + dy * by + dz * bz)
+                x[3] = mx * ax + my * ay + mz * az
+                x[4] = mx * bx + my * by + mz * bz
+                limit = farthest
+                for step in range(steps):
+                    if square >= limit:
+                        break
+                    near = 1.0 - square / limit
+                    weight = close * near * near
+                    entry = 0
+                    for r in range(1 + _SLOPES):
+                        part = weight * x[r]
+                        for s in range(r + 1):
+                            matrices[step, entry] += part * x[s]
+                            entry += 1
+                        for c in range(columns):
+                            sides[step, r, c] += part * values[j, c]
+                    limit *= 0.25
+                    if step == steps - 1:
+                        for c in range(columns):
+                            lows[c] = min(lows[c], values[j, c])
+                            highs[c] = max(highs[c], values[j, c])
+            small = 1.0
+            for step in range(steps):
+                _solve(matrices[step], sides[step], _RIDGE * matrices[step, 0], small)
+                small *= 0.25
+                for c in range(columns):
+                    out[i, step, c] = min(max(sides[step, 0, c], lows[c]), highs[c])
+
+
+@kernel
+def _solve(matrix, sides, ridge, small):
+    # Eliminates slopes from the last one on; the values come to be in the first row of `sides`.
+    columns, size = sides.shape[1], 1 + _SLOPES
+    matrix[2] += ridge * small
+    matrix[5] += ridge * small
+    matrix[9] += ridge
+    matrix[14] += ridge
+    for r in range(size - 1, 0, -1):
+        pivot = matrix[r * (r + 1) // 2 + r]
+        for s in range(r):
+            factor = matrix[r * (r + 1) // 2 + s] / pivot
+            for t in range(s + 1):
+                matrix[s * (s + 1) // 2 + t] -= factor * matrix[r * (r + 1) // 2 + t]
+            for c in range(columns):
+                sides[s, c] -= factor * sides[r, c]
+    for c in range(columns):
+        sides[0, c] /= matrix[0]

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..base.checks import checked_size
 from ..base.progress import phase
-from ..elements.surface_values import sheet_values
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
 from .drawing import atlas_for, with_gutter
 from .ray_noise import without_noise
@@ -65,12 +64,10 @@ def traced_image(
     with phase(0.15, 0.2, _TRACING):
         sites = texel_sites(found)
     with phase(0.2, 0.8, _TRACING):
-        halves = on_sheet(found, sites, trace(sites))
+        halves = trace(sites)
     with phase(0.8, 0.95, "Smoothing"):
-        sheet = smoothed(found, halves, settings.smoothing)
-        if finish is not None:
-            values = sheet.reshape(-1, sheet.shape[2])[sites.numbers]
-            sheet = on_sheet(found, sites, finish(values, sites))
+        values = without_noise(sites, halves, settings.smoothing)
+        sheet = on_sheet(found, sites, values if finish is None else finish(values, sites))
     with phase(0.95, 1.0, "Filling the gutter"):
         return with_gutter(found, sheet, settings.gutter), found
 
@@ -80,14 +77,3 @@ def on_sheet(atlas: TextureAtlas, sites: Sites, values: _Single) -> _Single:
     sheet = np.zeros((atlas.sheet.nodes.size, values.shape[1]), dtype=np.float32)
     sheet[sites.numbers] = values
     return sheet.reshape(*atlas.sheet.nodes.shape, -1)
-
-
-def smoothed(atlas: TextureAtlas, halves: _Single, length: float) -> _Single:
-    """Return the mean of two halves on the sheet, without their noise if `length` is not 0."""
-    count = halves.shape[2] // 2
-    if length <= 0:
-        return 0.5 * (halves[..., :count] + halves[..., count:])
-    space, values = without_noise(atlas, halves, length)
-    sheet = np.zeros((*halves.shape[:2], count), dtype=np.float32)
-    sheet_values(space, values, sheet)
-    return sheet

@@ -15,9 +15,10 @@ from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..errors import InvalidSignal
 from ..mesh.calculus import unit_vectors
+from ..mesh.order import morton_codes
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
 from ..rays.boxes import STACK, Boxes, boxes_around, first_hit
-from ..rays.directions import mixed, on_disk, sobol_points
+from ..rays.directions import grid_codes, ray_of, ray_points
 
 _Single = npt.NDArray[np.float32]
 
@@ -32,6 +33,9 @@ _DIAGONAL = 1.74
 
 _OFF = 1e-4
 """How far above the surface rays begin: in mean edge lengths, and (a hundredth) of the size."""
+
+_UNEVEN = 4.0
+"""How many times smaller or larger than the mean texel texels are taken to be."""
 
 _CONE = 0.75
 """Square of the sine of the half angle of the cone of thickness: 60 degrees."""
@@ -48,13 +52,19 @@ class Sites(NamedTuple):
     facing : (k, 3) float32
         Unit normals of the faces, below which no ray goes.
     numbers : (k,) int64
-        Rays are scrambled by these.
+        Of the nodes or the vertices.
+    turns : (k,) int64
+        Places along a curve that fills the surface: neighbours on it share their rays out.
+    spacings : (k,) float32
+        How far places are apart.
     """
 
     points: _Single
     normals: _Single
     facing: _Single
     numbers: npt.NDArray[np.int64]
+    turns: npt.NDArray[np.int64]
+    spacings: _Single
 
 
 class Scene(NamedTuple):
@@ -114,15 +124,22 @@ def scaled_to(mesh: TriangleMesh, places: Floats) -> Floats:
 
 
 def texel_sites(atlas: TextureAtlas) -> Sites:
-    """Return the places of the nodes inside charts, in the order of `Sheet.nodes`."""
+    """Return the places of the nodes inside charts, along a curve through each chart."""
     mesh, nodes = atlas.mesh, atlas.sheet.nodes.reshape(-1)
     numbers = np.flatnonzero(nodes >= 0)
+    turns = grid_codes(np.stack(np.divmod(numbers, atlas.sheet.nodes.shape[1]), axis=1))
+    order = np.argsort(turns, kind="stable")
+    numbers, turns = numbers[order], turns[order]
     points = read_corners(atlas, numbers, mesh.scaled_vertices[mesh.faces])
     normals = read_corners(atlas, numbers, shading_normals(mesh))
     facing = mesh.normals[nodes[numbers]].astype(np.float32)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), facing)
-    return Sites(points, normals.astype(np.float32), facing, numbers)
+    metric = atlas.metric
+    spread = np.sqrt(metric.texel_areas[nodes[numbers]])
+    spread = np.clip(np.where(spread > 0, spread, 1.0), 1.0 / _UNEVEN, _UNEVEN)
+    spacings = (metric.texel_size / mesh.mean_edge_length * spread).astype(np.float32)
+    return Sites(points, normals.astype(np.float32), facing, numbers, turns, spacings)
 
 
 def read_corners(atlas: TextureAtlas, numbers: npt.NDArray[np.int64], corners: Floats) -> _Single:
@@ -142,8 +159,13 @@ def vertex_sites(mesh: TriangleMesh) -> Sites:
             mesh.faces.reshape(-1), shading[:, axis], minlength=mesh.vertex_count
         )
     single = unit_vectors(normals).astype(np.float32)
-    numbers = np.arange(mesh.vertex_count)
-    return Sites(mesh.scaled_vertices.astype(np.float32), single, single, numbers)
+    order = np.argsort(morton_codes(mesh), kind="stable")
+    turns = np.empty(mesh.vertex_count, dtype=np.int64)
+    turns[order] = np.arange(mesh.vertex_count)
+    areas = np.repeat(mesh.areas / 3.0, 3)
+    around = np.bincount(mesh.faces.reshape(-1), areas, minlength=mesh.vertex_count)
+    points, spacings = mesh.scaled_vertices.astype(np.float32), np.sqrt(around).astype(np.float32)
+    return Sites(points, single, single, np.arange(mesh.vertex_count), turns, spacings)
 
 
 def shading_normals(mesh: TriangleMesh) -> Floats:
@@ -191,7 +213,7 @@ def look_around(
     seen, near = np.zeros((count, 2), np.float32), np.zeros((count, 2), np.float32)
     bent = np.zeros((count, 6), np.float32)
     run(_look_around, count, sites, scene.tree, limit, scene.off, scene.floor, reach,
-        sobol_points(rays), measured, seen, bent, near, chunk=_AT_ONCE)  # fmt: skip
+        ray_points(rays), rays, measured, seen, bent, near, chunk=_AT_ONCE)  # fmt: skip
     return seen, bent, near
 
 
@@ -200,7 +222,7 @@ def look_inside(scene: Scene, sites: Sites, rays: int, distance: float = 0.0) ->
     count = len(sites.points)
     depths = np.zeros((count, 2), np.float32)
     run(_look_inside, count, sites, scene.tree, scene.limit(distance), scene.off,
-        sobol_points(rays), depths, chunk=_AT_ONCE)  # fmt: skip
+        ray_points(rays), rays, depths, chunk=_AT_ONCE)  # fmt: skip
     return depths
 
 
@@ -217,7 +239,7 @@ def look_past_edges(scene: Scene, sites: Sites, rays: int, distance: float) -> _
     count = len(sites.points)
     found = np.zeros((count, 2), np.float32)
     run(_look_past, count, sites, scene.tree, scene.limit(distance), scene.off,
-        sobol_points(rays), found, chunk=_AT_ONCE)  # fmt: skip
+        ray_points(rays), rays, found, chunk=_AT_ONCE)  # fmt: skip
     return found
 
 
@@ -255,7 +277,8 @@ def _blend(start, stop, faces, corner_start, corners, normals, angles, out):
 
 
 @kernel
-def _tangents(nx, ny, nz):
+def tangents(nx, ny, nz):
+    """Complete a unit normal to a basis."""
     # Duff et al. (2017), "Building an orthonormal basis, revisited".
     sign = 1.0 if nz >= 0 else -1.0
     a = -1.0 / (sign + nz)
@@ -273,28 +296,21 @@ def _origin(sites, i, off):
 
 
 @kernel
-def _scramble(sites, i):
-    return mixed(np.uint64(sites.numbers[i] + 1) * np.uint64(0x9E3779B97F4A7C15))
-
-
-@kernel
 def _look_around(
-    start, stop, sites, tree, limit, off, floor, reach, points, measured, seen, bent, near
+    start, stop, sites, tree, limit, off, floor, reach, points, rays, measured, seen, bent, near
 ):
     stack = np.empty(STACK, np.int32)
-    count = points.shape[0]
     total = np.empty(2)
     for k in range(start, stop):
         ox, oy, oz = _origin(sites, k, off)
         nx = np.float64(sites.normals[k, 0])
         ny = np.float64(sites.normals[k, 1])
         nz = np.float64(sites.normals[k, 2])
-        ax, ay, az, bx, by, bz = _tangents(nx, ny, nz)
-        scramble = _scramble(sites, k)
+        ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
         total[0], total[1] = 0.0, 0.0
-        for i in range(count):
-            half = 0 if 2 * i < count else 1
-            p, q = on_disk(points, i, scramble)
+        for i in range(rays):
+            half = 0 if 2 * i < rays else 1
+            p, q = ray_of(points, rays, sites.turns[k], i)
             up = np.sqrt(max(1.0 - p * p - q * q, 0.0))
             dx = p * ax + q * bx + up * nx
             dy = p * ay + q * by + up * ny
@@ -329,19 +345,17 @@ def _look_around(
 
 
 @kernel
-def _look_inside(start, stop, sites, tree, limit, off, points, depths):
+def _look_inside(start, stop, sites, tree, limit, off, points, rays, depths):
     stack = np.empty(STACK, np.int32)
-    count = points.shape[0]
     for k in range(start, stop):
         ox, oy, oz = _origin(sites, k, -off)
         nx = np.float64(sites.normals[k, 0])
         ny = np.float64(sites.normals[k, 1])
         nz = np.float64(sites.normals[k, 2])
-        ax, ay, az, bx, by, bz = _tangents(nx, ny, nz)
-        scramble = _scramble(sites, k)
-        for i in range(count):
-            half = 0 if 2 * i < count else 1
-            p, q = on_disk(points, i, scramble)
+        ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+        for i in range(rays):
+            half = 0 if 2 * i < rays else 1
+            p, q = ray_of(points, rays, sites.turns[k], i)
             p, q = p * np.sqrt(_CONE), q * np.sqrt(_CONE)
             down = np.sqrt(max(1.0 - p * p - q * q, 0.0))
             far, _ = first_hit(
@@ -352,24 +366,22 @@ def _look_inside(start, stop, sites, tree, limit, off, points, depths):
             )  # fmt: skip
             depths[k, half] += np.float32(min(far * down + off, limit))
         for half in range(2):
-            rays = (count + 1) // 2 if half == 0 else count // 2
-            depths[k, half] /= np.float32(max(rays, 1))
+            depths[k, half] /= np.float32(max((rays + 1 - half) // 2, 1))
 
 
 @kernel
-def _look_past(start, stop, sites, tree, limit, off, points, found):
+def _look_past(start, stop, sites, tree, limit, off, points, rays, found):
     stack = np.empty(STACK, np.int32)
-    count, triangles = points.shape[0], tree.triangles
+    triangles = tree.triangles
     for k in range(start, stop):
         ox, oy, oz = _origin(sites, k, -off)
         nx = np.float64(sites.normals[k, 0])
         ny = np.float64(sites.normals[k, 1])
         nz = np.float64(sites.normals[k, 2])
-        ax, ay, az, bx, by, bz = _tangents(nx, ny, nz)
-        scramble = _scramble(sites, k)
-        for i in range(count):
-            half = 0 if 2 * i < count else 1
-            p, q = on_disk(points, i, scramble)
+        ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+        for i in range(rays):
+            half = 0 if 2 * i < rays else 1
+            p, q = ray_of(points, rays, sites.turns[k], i)
             down = np.sqrt(max(1.0 - p * p - q * q, 0.0))
             dx = np.float32(p * ax + q * bx - down * nx)
             dy = np.float32(p * ay + q * by - down * ny)
@@ -387,5 +399,4 @@ def _look_past(start, stop, sites, tree, limit, off, points, found):
             weight = min(2.0 * max(1.0 + agrees, 0.0), 1.0)
             found[k, half] += np.float32(weight * max(1.0 - far / limit, 0.0))
         for half in range(2):
-            rays = (count + 1) // 2 if half == 0 else count // 2
-            found[k, half] /= np.float32(max(rays, 1))
+            found[k, half] /= np.float32(max((rays + 1 - half) // 2, 1))

@@ -81,7 +81,7 @@ def sorted_along_curve(
     face_order : (m,) int32
     """
     with aside("Sorting"):
-        codes = _morton_codes(mesh)
+        codes = morton_codes(mesh)
         ask()
         vertex_order = np.argsort(codes, kind="stable")
         ask()
@@ -95,8 +95,11 @@ def sorted_along_curve(
     return TriangleMesh(vertices, faces), vertex_order, face_order
 
 
-def _morton_codes(mesh: TriangleMesh) -> npt.NDArray[np.uint64]:
-    # 21 bits per coordinate, interleaved; distant loose vertices are clipped to the border.
+def morton_codes(mesh: TriangleMesh) -> npt.NDArray[np.uint64]:
+    """Return where the vertices are on a Morton curve: 21 bits per coordinate, interleaved.
+
+    Distant loose vertices are clipped to the border.
+    """
     low, high = mesh.box
     size = float((high - low).max())
     codes = np.zeros(mesh.vertex_count, dtype=np.uint64)

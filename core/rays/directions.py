@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Directions that fill a hemisphere evenly: Sobol's points, scrambled anew at each place."""
+"""Directions that fill a hemisphere evenly: Sobol's points, shared out to neighbours."""
 
 from __future__ import annotations
 
@@ -9,6 +9,12 @@ import numpy.typing as npt
 from ..base.parallel import kernel
 
 _BITS = 32
+
+_SHARING = 64
+"""Most places that share a sequence."""
+
+_LONGEST = 1 << 18
+"""Most points of a sequence."""
 
 _TURN = 6.283185307179586
 
@@ -86,12 +92,70 @@ def mixed(x):
     return x ^ (x >> np.uint64(31))
 
 
+def ray_points(rays: int) -> npt.NDArray[np.uint32]:
+    """Return the points of the rays of places that share a sequence, for `ray_of`: (k, 2)."""
+    part = 1 << (rays - 1).bit_length()
+    return sobol_points(part * max(min(_SHARING, _LONGEST // part), 1))
+
+
+@kernel
+def ray_of(points, rays, turn, i):
+    """Return the place on the unit disk below ray i of a place.
+
+    Places that follow each other on a curve have successive parts of one scrambled sequence, so
+    that what one place leaves out its neighbours have: their errors, of high frequency, go when
+    they are averaged (Ahmed and Wonka 2020, "Screen-space blue-noise diffusion of Monte Carlo
+    sampling error via hierarchical ordering of pixels").
+
+    Parameters
+    ----------
+    points : (k, 2) uint32
+        Those of `ray_points`.
+    rays : int
+    turn : int64
+        Where the place is on the curve.
+    i : int
+        From 0 to `rays` - 1.
+    """
+    part = 1
+    while part < rays:
+        part *= 2
+    sharing = len(points) // part
+    group = np.uint64(turn // sharing + 1)
+    scramble = mixed(group * np.uint64(0x9E3779B97F4A7C15))
+    return on_disk(points, turn % sharing * part + i, scramble)
+
+
 @kernel
 def on_disk(points, i, scramble):
     """Turn a point to the unit disk: evenly, so that above it directions are cosine-weighted.
 
-    Both halves of `scramble`, a uint64, scramble a coordinate each.
+    The map keeps squares around the middle together (Shirley and Chiu 1997). Both halves of
+    `scramble`, a uint64, scramble a coordinate each.
     """
-    far = np.sqrt(scrambled(points[i, 0], scramble & np.uint64(0xFFFFFFFF)))
-    turn = _TURN * scrambled(points[i, 1], scramble >> np.uint64(32))
-    return far * np.cos(turn), far * np.sin(turn)
+    x = 2.0 * scrambled(points[i, 0], scramble & np.uint64(0xFFFFFFFF)) - 1.0
+    y = 2.0 * scrambled(points[i, 1], scramble >> np.uint64(32)) - 1.0
+    if abs(x) > abs(y):
+        turn = _TURN / 8.0 * y / x
+        return x * np.cos(turn), x * np.sin(turn)
+    if y == 0.0:
+        return 0.0, 0.0
+    turn = _TURN / 8.0 * x / y
+    return y * np.sin(turn), y * np.cos(turn)
+
+
+def grid_codes(places: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return the places of points of a grid (k, 2) on a curve that fills it, Morton's."""
+    codes = np.zeros(len(places), dtype=np.int64)
+    for axis in range(2):
+        bits = places[:, axis].astype(np.int64)
+        for shift, mask in (
+            (16, 0x0000FFFF0000FFFF),
+            (8, 0x00FF00FF00FF00FF),
+            (4, 0x0F0F0F0F0F0F0F0F),
+            (2, 0x3333333333333333),
+            (1, 0x5555555555555555),
+        ):
+            bits = (bits | (bits << shift)) & mask
+        codes |= bits << axis
+    return codes

@@ -36,7 +36,7 @@ from ..color.learned.planes import (
 from ..color.learned.surroundings import Singles, averages
 from ..grid.channels import Channels
 from ..grid.part import Part
-from ..grid.windows import smooth_rows
+from ..grid.windows import smooth, smooth_rows
 
 _MESSAGE = "Sharpening"
 
@@ -116,6 +116,15 @@ class Surface:
 
 _CHUNK = 4 * ROWS
 
+_BESIDE, _FAINTEST = 10, 0.02
+"""Texels from a seam on that count fully, and the weight at a step: small charts have no others."""
+
+_ORDINARY = 2.0
+"""So many times the squared second differences nearby are usual at a seam."""
+
+_NEARBY = np.array([5, 4, 3, 2, 1], np.float32) / np.float32(25)
+"""Weights of texels for what is nearby."""
+
 
 @dataclass(frozen=True)
 class TexelPlanes(WholePlanes):
@@ -156,6 +165,52 @@ class TexelPlanes(WholePlanes):
     def surroundings(self) -> _Means:
         """Return what finds means over wide surroundings."""
         return _Means(self.surface)
+
+    @property
+    def weighted(self) -> bool:
+        """Whether energies count by weights: always, see `away`."""
+        return True
+
+    @cached_property
+    def away(self) -> Singles:
+        """How much nodes tell of how sharp a texture is: (rows, columns).
+
+        It is 1 but beside seams where values bend much more than nearby: two materials meet there
+        in a step that no blur reached, or a blur in the image left both sides a little different.
+        """
+        inside = self.surface.inside
+        steps, around = np.zeros((2, *inside.shape), np.float32)
+        for axis in (0, 1):
+            ends = [[slice(None)] * 2 for _ in range(3)]
+            for place, each in enumerate(ends):
+                each[axis] = slice(place, place - 2 if place < 2 else None)
+            before, here, behind = map(tuple, ends)
+            values = self.values
+            bend = np.square(values[:, *before] - 2 * values[:, *here] + values[:, *behind]).sum(0)
+            bend *= inside[here]
+            alone = inside[before] & inside[behind]
+            around[here] += bend * alone
+            steps[here] += bend * ~alone
+        count = np.float32(_ORDINARY) / np.maximum(smooth(np.float32(inside), _NEARBY), 1e-3)
+        usual = count * smooth(around, _NEARBY)
+        spread = np.maximum(steps - usual, 0) / (steps + usual + np.float32(1e-30))
+        with aside(_MESSAGE):
+            for _ in range(_BESIDE):
+                less = spread - np.float32(1 / _BESIDE)
+                np.maximum(spread[1:], less[:-1], out=spread[1:])
+                np.maximum(spread[:-1], less[1:], out=spread[:-1])
+                np.maximum(spread[:, 1:], less[:, :-1], out=spread[:, 1:])
+                np.maximum(spread[:, :-1], less[:, 1:], out=spread[:, :-1])
+                spread *= inside
+        return np.float32(_FAINTEST) + np.float32(1 - _FAINTEST) * (1 - spread) ** 2
+
+    def with_weights(self, energies: Singles, top: int, bottom: int) -> Singles:
+        """Return energies of all rows, times weights that come last: (k + 1, rows, columns)."""
+        weights = self.away
+        found = np.empty((len(energies) + 1, *weights.shape), np.float32)
+        np.multiply(energies, weights, out=found[:-1])
+        found[-1] = weights * self.opacity if self.opacity.size else weights
+        return found
 
     def premultiplied(self) -> TexelPlanes:
         """Return the values times their opacity, all of which count alike."""

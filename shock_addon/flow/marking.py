@@ -15,7 +15,7 @@ from .. import data
 from ..kinds import Data
 from ..modes import Mode, find
 from ..operators.base import Done, Task, Written, counted, write_results
-from ..operators.meshes import MeshOperator
+from ..operators.meshes import MeshOperator, hidden_originals
 from ..operators.properties import settings_of
 from . import showing as shown
 from .operator import SHOCK_FILTER_OT_show_flow
@@ -268,12 +268,10 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
     def summary(self, written: list[Written], seconds: float) -> str:
         """Count triangles."""
         now, before = self.counts(written)
-        text = pgettext_rpt(
-            "Made {names}: {now:,} triangles of {before:,}; the originals are hidden,"
-            " {seconds:.1f} s."
-        )
+        text = pgettext_rpt("Made {names}: {now:,} triangles of {before:,}, {seconds:.1f} s.")
         names = ", ".join(each.data.name for each in written)
-        return text.format(names=names, now=now, before=before, seconds=seconds)
+        made = text.format(names=names, now=now, before=before, seconds=seconds)
+        return f"{made} {hidden_originals(len(written))}"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Show the dials after the run."""

@@ -10,6 +10,9 @@ from ..operators.wrapping import draw_text
 from ..running import jobs
 from . import automatic, updating
 
+PAINTED = "Weight 1 shows the result: paint with 0 where the mesh shall stay as it was."
+"""What to do in Weight Paint Mode."""
+
 _SAID = {
     "stale": "The mesh has other vertices, edges or faces now, so the live result is not shown:"
     " press Update.",
@@ -29,7 +32,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.use_property_decorate = False
     for modifier in modifiers:
         is_alone = len(modifiers) == 1 or modifier == data.chosen.live_modifier(obj)
-        label = "Amount" if is_alone else "Colors"
+        label = "Live Amount" if is_alone else "Live Colors"
         data.live.stacks.draw_input(column, modifier, data.live.graph.AMOUNT, label)
     row = column.row(align=True)
     row.enabled = jobs.current() is None
@@ -38,7 +41,16 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         is_on = automatic.is_on(obj)
         row.operator("shock_filter.auto_update_live", depress=is_on)
     row.operator("shock_filter.paint_live")
+    if obj.mode == "WEIGHT_PAINT" and _is_painted(obj, modifiers):
+        draw_text(layout, context, PAINTED, icon="INFO")
     if obj.mode != "EDIT" and jobs.current() is None:
         found = data.live.watching.state_for_panel(obj, updating.state)
         if found in _SAID:
             draw_text(layout, context, _SAID[found], icon="ERROR")
+
+
+def _is_painted(obj: bpy.types.Object, modifiers: list[bpy.types.Modifier]) -> bool:
+    """Whether the vertex group that brushes write to is the mask of a live result."""
+    group = obj.vertex_groups.active
+    masks = [data.live.stacks.linked_input(each, data.live.graph.MASK) for each in modifiers]
+    return group is not None and group.name in masks

@@ -9,6 +9,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..operators.base import can_run
 from . import automatic, updating
+from .drawing import PAINTED
 
 _GROUP = "Shock Filter"
 """The vertex group that is painted."""
@@ -122,7 +123,7 @@ class SHOCK_FILTER_OT_paint_live(bpy.types.Operator):
                 data.live.stacks.link_input(modifier, data.live.graph.MASK, name)
         obj.vertex_groups.active = obj.vertex_groups[name]
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
-        self.report({"INFO"}, pgettext_rpt("Weight 1 shows the result, 0 the mesh as it was."))
+        self.report({"INFO"}, pgettext_rpt(PAINTED))
         return {"FINISHED"}
 
 

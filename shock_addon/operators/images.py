@@ -98,9 +98,17 @@ class OneImageOperator(FilterOperator):
         return True
 
     def notes(self, written: list[Written]) -> str:
-        """Say that the panel's enlargement was set back."""
-        text = pgettext_rpt("Enlarge is back at 1, so that the next press keeps the size.")
-        return text if self._is_settled else ""
+        """Say how large the images are now, and that the panel's enlargement was set back."""
+        said = []
+        name = named(self.row.targets[0].row.settings, "enlargement")
+        if written and name and getattr(self, name) > 1:
+            sizes = dict.fromkeys(tuple(each.data.size) for each in written)
+            text = pgettext_rpt("Enlarged to {sizes} pixels.")
+            said.append(text.format(sizes=", ".join(f"{w} x {h}" for w, h in sizes)))
+        if self._is_settled:
+            text = "Enlarge is back at 1, so that the next press keeps the size."
+            said.append(pgettext_rpt(text))
+        return " ".join(said)
 
     def _write_one(self, target: Any, result: Any, used: str) -> bpy.types.Image:
         source = data.image.images.find_image(target)

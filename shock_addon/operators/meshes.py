@@ -195,8 +195,15 @@ def _notes_of_objects(written: list[Written], operator: MeshOperator) -> str:
     if not new:
         return said
     names = ", ".join(obj.name for obj in new)
-    hidden = pgettext_rpt("New: {names}; the originals are hidden.").format(names=names)
-    return f"{hidden} {said}".rstrip()
+    made = pgettext_rpt("New: {names}.").format(names=names)
+    return f"{made} {hidden_originals(len(new))} {said}".rstrip()
+
+
+def hidden_originals(count: int) -> str:
+    """Say that what new objects were made of is hidden."""
+    if count == 1:
+        return pgettext_rpt("The original is hidden.")
+    return pgettext_rpt("The originals are hidden.")
 
 
 def describe_moves(results: list[Any], advice: str, edge: float) -> str:

@@ -76,23 +76,28 @@ def makes_live(mode: Mode, parameters: Any, obj: bpy.types.Object) -> bool:
 
 
 def announcement(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
-    """Say before a press that the output Auto will make new objects; empty if it will not.
+    """Say before a press that new objects or live copies will be made; empty if none will.
 
     Parameters
     ----------
     context, mode, settings
         As in `of_mode`.
     """
-    if mode.data.handled_as != "meshes" or not mode.makes_objects(settings, "AUTO"):
+    is_live = mode.makes_objects(settings, "LIVE")
+    if mode.data.handled_as != "meshes" or not (is_live or mode.makes_objects(settings, "AUTO")):
         return ""
     objects = data.chosen.mesh_objects(context) if context.mode == "OBJECT" else []
     objects = [
         obj
         for obj in objects
-        if makes_object(mode, settings, obj) and not makes_live(mode, settings, obj)
+        if makes_object(mode, settings, obj) and makes_live(mode, settings, obj) == is_live
     ]
     found = [top.name for obj in objects if (top := data.chosen.modifier_on_top(obj)) is not None]
-    text = "New Object: {name} is on top, so what is seen is filtered and the original hidden."
+    text = "New Object: {name} is on top, so what is seen is filtered, and the original is hidden."
+    if is_live:
+        text = (
+            "Live copy: {name} is on top, so what is seen is filtered, and the original is hidden."
+        )
     return pgettext_rpt(text).format(name=", ".join(dict.fromkeys(found))) if found else ""
 
 

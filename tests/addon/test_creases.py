@@ -162,6 +162,7 @@ def test_a_soft_box_becomes_a_low_poly_with_its_materials_and_uvs(rounded_box):
     for polygon in box.data.polygons:
         polygon.material_index = int(polygon.center.z > 0.9)
     assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    assert " s. The original is hidden." in base.summaries["geometry"]
     low = bpy.context.object
     assert low is not box
     assert box.hide_get()

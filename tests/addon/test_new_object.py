@@ -79,7 +79,7 @@ def test_the_new_object_takes_the_place_of_the_old_one(subdivided):
     assert (subdivided.hide_get(), subdivided.hide_render) == (True, True)
     assert (new.hide_get(), new.hide_render) == (False, False)
     said = operators.summaries["geometry"]
-    assert f"New: {new.name}; the originals are hidden." in said
+    assert f"New: {new.name}. The original is hidden." in said
     assert "Modifiers were left" not in said
 
 
@@ -224,6 +224,12 @@ def test_a_modifier_that_makes_faces_chooses_it_by_itself(rounded_box, kind):
     assert settings.output == "AUTO"
     said = poll.announcement(bpy.context, find("geometry"), settings)
     assert said.startswith("New Object: Top is on top")
+    settings.output = "LIVE"
+    said = poll.announcement(bpy.context, find("geometry"), settings)
+    assert said.startswith("Live copy: Top is on top")
+    settings.output = "MESH"
+    assert poll.announcement(bpy.context, find("geometry"), settings) == ""
+    settings.output = "AUTO"
     assert chosen.modifier_on_top(box) == modifier
     modifier.show_viewport = False
     assert poll.announcement(bpy.context, find("geometry"), settings) == ""
@@ -288,7 +294,7 @@ def test_each_object_by_itself(rounded_box, select):
     np.testing.assert_array_equal(read_positions(other.data), before[1])
     assert (plain.hide_get(), other.hide_get()) == (False, True)
     said = operators.summaries["geometry"]
-    assert f"New: {other.name} sharpened; the originals are hidden." in said
+    assert f"New: {other.name} sharpened. The original is hidden." in said
 
 
 def test_in_other_modes_the_mesh_changes_as_before(subdivided):

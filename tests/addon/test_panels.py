@@ -54,7 +54,8 @@ class Layout:
             assert set(options) <= set(known), (function, options)
             assert options.get("icon", "NONE") in ICONS
             if function in {"prop", "prop_search"}:
-                assert arguments[1] in arguments[0].bl_rna.properties
+                is_input = arguments[1].startswith('["')  # of a modifier
+                assert is_input or arguments[1] in arguments[0].bl_rna.properties
                 self.drawn.append((function, arguments[1]))
                 return self._below()
             text = options.get("text", arguments[1] if len(arguments) > 1 else arguments[:1])
@@ -579,8 +580,24 @@ def test_a_new_object_is_said_before_the_press(rounded_box):
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     said = " ".join(words(drawn, "label"))
     assert "New Object: Voxels is on top, so what is seen is filtered" in said
+    bpy.context.scene.shock_filter.geometry.output = "LIVE"
+    said = " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    assert "Live copy: Voxels is on top" in said
     bpy.context.scene.shock_filter.geometry.output = "MESH"
     assert "New Object" not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+
+
+def test_painting_where_says_what_to_paint_with(rounded_box):
+    rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+    hint = "paint with 0 where the mesh"
+    assert hint not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    bpy.ops.shock_filter.paint_live()
+    assert hint in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    bpy.context.object.vertex_groups.new(name="Other")
+    bpy.context.object.vertex_groups.active_index = 1
+    assert hint not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def test_link_is_offered_while_a_generated_image_waits(rounded_box, monkeypatch):

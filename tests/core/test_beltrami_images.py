@@ -517,3 +517,10 @@ def test_the_measured_noise_is_told():
     with gathering() as findings:
         core.beltrami_image(textured())
     assert str(findings[0]).startswith("Noise of ")
+
+
+def test_no_number_is_told_of_hardly_any_noise():
+    y, x = np.mgrid[:96, :96] / 96
+    with gathering() as findings:
+        core.beltrami_image(np.stack([x * y] * 3, axis=-1))
+    assert [str(each) for each in findings] == ["Hardly any noise was found."]

@@ -70,6 +70,23 @@ def test_seams_do_not_show(angle):
     assert np.sqrt(np.mean(beside**2)) < 2.0 * np.sqrt(np.mean(middle**2))
 
 
+def test_steps_at_seams_do_not_tell_that_all_is_sharp():
+    picture = ndimage.gaussian_filter(painted(256, 0.4, 3), (2.5, 2.5, 0)).astype(np.float32)
+    y, x = np.mgrid[:256, :256]
+    negative = ((y // 64 + x // 64) % 2 == 1)[..., None]
+    mesh, blocks = cut(np.where(negative, 1 - picture, picture))
+    given = blocks.texture(0.0)
+    out = core.sharpen_texture(mesh, blocks.uv, given)
+    whole, uv = flat_square()
+    expected = core.sharpen_texture(whole, uv, picture)
+    middle = (np.abs((np.stack([x, y]) + 0.5 + 32) % 64 - 32).min(axis=0) > 12)[..., None]
+    points = np.stack([x, y], axis=-1) + 0.5
+    change = (blocks.read(out, points) - blocks.read(given, points)) * middle
+    wanted = (expected - picture) * middle
+    assert rms(wanted) > 0.01
+    assert rms(np.where(negative, -1, 1) * change - wanted) < 0.25 * rms(wanted)
+
+
 def test_nothing_leaves_the_local_range():
     image = spoiled()
     mesh, uv = flat_square()

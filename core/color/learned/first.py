@@ -87,9 +87,9 @@ class First:
             around = max(top - 1, 0), min(bottom + 1, height)
             smooth = planes.smoothed(SIGMAS, *around)
             found = _energies_of(planes, smooth, *around)[:, top - around[0] : bottom - around[0]]
-            return planes.with_opacity(found, top, bottom)
+            return planes.with_weights(found, top, bottom)
 
-        weighted = planes.opacity.size > 0
+        weighted = planes.weighted
         self.surroundings = planes.surroundings()
         small = self.surroundings.means(POOLED + 2 + weighted, energies)
         sigmas = SIGMAS[SLOPES[0]], SIGMAS[SLOPES[1]]

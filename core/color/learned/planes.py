@@ -72,6 +72,11 @@ class Planes:
     whole = False
     """Whether rows can only be smoothed together with all others."""
 
+    @property
+    def weighted(self) -> bool:
+        """Whether energies count by weights, which `with_weights` adds."""
+        return self.opacity.size > 0
+
     @classmethod
     def of(cls, pixels: npt.NDArray, channels: Channels) -> Planes:
         """Take the filtered channels of an image (h, w, c)."""
@@ -110,7 +115,7 @@ class Planes:
         """Return the values times their opacity, all of which count alike."""
         return Planes(self.values * self.opacity, NONE) if self.opacity.size else self
 
-    def with_opacity(self, energies: Singles, top: int, bottom: int) -> Singles:
+    def with_weights(self, energies: Singles, top: int, bottom: int) -> Singles:
         """Return energies of some rows, (k, rows, w), with the opacity if there is one."""
         if self.opacity.size:
             energies = np.concatenate([energies, self.opacity[None, top:bottom]])

@@ -122,7 +122,7 @@ class Second:
         self.first, self.result, self.shares, self.moved = first, result, shares, moved
         self.planes = first.planes
         self.base = result.values
-        weighted = result.opacity.size > 0
+        weighted = result.weighted
         self.surroundings = first.surroundings
         small = self.surroundings.means(DIFFERENCES + weighted, self._energies)
         wide = relative(self.surroundings.smoothed(small, weighted), first.around[TOTAL])
@@ -135,7 +135,7 @@ class Second:
 
     def _energies(self, top: int, bottom: int) -> Singles:
         found = self._energies_of(top, bottom, *self._smoothed(top, bottom))
-        return self.result.with_opacity(found, top, bottom)
+        return self.result.with_weights(found, top, bottom)
 
     def _energies_of(self, top: int, bottom: int, soft: Singles, moved: Singles) -> Singles:
         out = np.empty((DIFFERENCES, bottom - top, self.base.shape[2]), np.float32)
