@@ -276,6 +276,16 @@ def _in_cell(stencil, kinds, y, x):
 
 
 @kernel
+def _holds_any(kinds, y, x):
+    # Whether a column has an unknown within two rows.
+    found = False
+    if x < kinds.shape[1]:
+        for row in range(max(y - 2, 0), min(y + 3, kinds.shape[0])):
+            found |= kinds[row, x] != NONE
+    return found
+
+
+@kernel
 def _coarsen_stencil(start, stop, stencil, kinds, coarse):
     # In differences: a coupling a of i with j adds -a (P_iI - P_jI) (P_iJ - P_jJ) to I and J.
     rows, columns = kinds.shape
@@ -284,8 +294,14 @@ def _coarsen_stencil(start, stop, stencil, kinds, coarse):
         y = 2 * row
         right_before = np.float32(0)
         rising_before = np.float32(0)
+        held = _holds_any(kinds, y, 0)
         for column in range(coarse.shape[2]):
             x = 2 * column
+            on_left = held
+            held = _holds_any(kinds, y, x + 2)
+            ends_here = right_before == 0 and rising_before == 0
+            if ends_here and not (on_left or held or _holds_any(kinds, y, x + 1)):
+                continue
             lower = upper = left = right = falling = rising = np.float32(0)
             if x + 1 < columns - 1:
                 if 0 < y < rows:

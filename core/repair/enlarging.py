@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import LARGEST, SCALES, by_keyword, checked_image
+from ..base.checks import LARGEST, by_keyword, checked_image
 from ..base.progress import ProgressCallback, phase, reporting
 from ..color.image_sharpening import sharpen_image
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import EnlargeSettings, ImageSettings, given_or_default
 from ..texture.texels import Texture, checked_atlas, checked_content, gathered, written
-from .rims import background_in_rims
+from .smoothest import share_of_first
 
 _AROUND = 16
 """Texels around the charts that enlarging may read; it reaches less far."""
@@ -57,9 +57,10 @@ def enlarge_texture(
     -----
     The gutter is filled from across the seams, but for what is painted in texels that charts cover
     in part, and beside seams where different materials meet; the picture is enlarged as
-    `sharpen_image` does, and the gutter is filled anew at the new size. Where reducing mixed the
-    background into rims of charts, it stays beside them, so that they are enlarged as an edge and
-    not as a dark line.
+    `sharpen_image` does, and the gutter is filled anew at the new size. It is enlarged as it is,
+    too, and at each texel that result counts more which goes on across the seams more smoothly:
+    where reducing mixed the background into rims of charts, that needs the background beside them,
+    to be told from a dark line.
 
     Examples
     --------
@@ -84,11 +85,8 @@ def enlarge_texture(
             if times > 1:
                 larger = TextureAtlas(mesh, uv, size=(times * larger.height, times * larger.width))
             wide = _widened(texture, settings)
-            if times > 1:
-                wide = _with_background(texture, wide, larger)
         with phase(0.2, 0.8, "Enlarging"):
-            how = ImageSettings(enlarge=times, alpha=settings.alpha)
-            large = wide if times == 1 else sharpen_image(wide, how)
+            large = wide if times == 1 else _enlarged(texture, wide, larger, settings)
         with phase(0.8, 1.0, "Filling the gutter"):
             texture, values = gathered(Texture(larger, large, alpha, normals), settings)
             # Mixtures of normals are shorter.
@@ -114,24 +112,24 @@ def _widened(texture: Texture, settings: EnlargeSettings) -> npt.NDArray:
     return wide
 
 
-def _with_background(texture: Texture, wide: npt.NDArray, larger: TextureAtlas) -> npt.NDArray:
-    # Rims that hold some of the background need it beside them to be told from dark lines.
-    inside = texture.atlas.inside
-    if inside.all():
-        return wide
-    scale = np.float32(SCALES[wide.dtype.name])
-    old, new = (each.astype(np.float32) for each in (texture.pixels, wide))
-    height, width = inside.shape
-    parts = larger.inside.reshape(height, larger.height // height, width, larger.width // width)
-    outside = 1 - parts.mean(axis=(1, 3), dtype=np.float32)
-    share = background_in_rims(inside, outside, old * scale, new * scale)
-    shares = np.where(inside, np.float32(0), share)[..., None]
-    if not shares.any():
-        return wide
-    mixed = new + shares * (old - new)
-    if wide.dtype.kind == "u":
-        mixed = np.rint(mixed)
-    return np.where(shares > 0, mixed.astype(wide.dtype), wide)
+def _enlarged(
+    texture: Texture, wide: npt.NDArray, larger: TextureAtlas, settings: EnlargeSettings
+) -> npt.NDArray:
+    # The image with its gutter, and as it is, enlarged; what goes on across seams more smoothly.
+    how = ImageSettings(enlarge=settings.factor, alpha=settings.alpha)
+    if (wide == texture.pixels).all():
+        return sharpen_image(wide, how)
+    with phase(0.0, 0.45, "Enlarging"):
+        large = sharpen_image(wide, how)
+    with phase(0.45, 0.9, "Enlarging"):
+        alone = sharpen_image(texture.pixels, how)
+    with phase(0.9, 1.0, "Comparing the seams"):
+        settled, _ = gathered(texture._replace(atlas=larger, pixels=large), settings)
+        shares = share_of_first(settled, alone, large)[..., None]
+        mixed = large + shares * (alone.astype(np.float32) - large)
+        if large.dtype.kind == "u":
+            mixed = np.rint(mixed)
+        return np.where(shares > 0, mixed.astype(large.dtype), large)
 
 
 def _painted(atlas: TextureAtlas, pixels: npt.NDArray) -> npt.NDArray[np.bool_]:

@@ -212,36 +212,50 @@ def _first_guess(
         return None
     small = height // _LESS, width // _LESS
     blocks = (small[0], _LESS, small[1], _LESS)
-    known = (~gone & texture.atlas.inside).astype(np.float32)
-    counts = np.einsum("iajb->ij", known.reshape(blocks))
+    known = ~gone & texture.atlas.inside
+    counts = _summed(known.reshape(*blocks, 1))
     if not counts.any():
         return None
     scale = np.float32(SCALES[pixels.dtype.name])
-    weighted = pixels * known[..., None]
-    sums = np.einsum("iajbc->ijc", weighted.reshape(*blocks, channels))
-    mean = (scale * sums / np.maximum(counts, 1)[..., None]).astype(np.float32)
-    lacking = (counts == 0).astype(np.float64)
+    shown = np.where(known[..., None], pixels, pixels.dtype.type(0))
+    mean = scale * _summed(shown.reshape(*blocks, channels)) / np.maximum(counts, 1)
+    lacking = (counts[..., 0] == 0).astype(np.float64)
     with phase(0.0, 0.2, "Filling"):
         quick = settings.changed(surface="membrane", find="auto", seams="continue", gutter=2)
         filled = fill_texture(mesh, uv, mean, quick, missing=lacking, normals=normals)
-    large = _enlarged(_enlarged(filled, 0), 1)
-    return values_of(texture.atlas, large, texture.alpha, texture.frames)
+    guess = _read(filled, texture.atlas, gone)
+    if texture.frames is not None:
+        texture.frames.to_object(guess)
+    return guess
 
 
-def _enlarged(values: _Single, axis: int) -> _Single:
-    # Linear interpolation, `_LESS` times as long along an axis.
-    lines = np.moveaxis(values, axis, 0)
-    around = np.concatenate([lines[:1], lines, lines[-1:]])
-    shape = list(values.shape)
-    shape[axis] *= _LESS
-    result = np.empty(shape, dtype=np.float32)
-    each = np.moveaxis(result, axis, 0)
-    for k in range(_LESS):
-        place = (k + 0.5) / _LESS + 0.5
-        low = int(place)
-        share = np.float32(place - low)
-        first, second = (around[low + i : low + i + len(lines)] for i in (0, 1))
-        each[k::_LESS] = first + share * (second - first)
+def _summed(values: npt.NDArray) -> _Single:
+    # Sums of blocks: (h, a, w, b, c) -> (h, w, c). Along rows first, which are whole in memory.
+    height, _, width, _, channels = values.shape
+    rows = values.reshape(height, _LESS, -1).sum(axis=1, dtype=np.float32)
+    return rows.reshape(height, width, _LESS, channels).sum(axis=2)
+
+
+def _read(small: _Single, atlas: TextureAtlas, gone: npt.NDArray[np.bool_]) -> _Single:
+    # The nodes of missing texels, interpolated linearly in an image `_LESS` times as small.
+    texels = np.flatnonzero(gone & atlas.inside)
+    sides = []
+    for numbers, count in zip(np.divmod(texels, atlas.width), small.shape[:2], strict=True):
+        place = (numbers.astype(np.float32) + np.float32(0.5)) / _LESS - np.float32(0.5)
+        np.clip(place, 0, count - 1, out=place)
+        low = np.minimum(place.astype(np.int32), count - 2)
+        sides.append((low, (place - low)[:, None]))
+    (row, down), (column, across) = sides
+    flat, width = small.reshape(-1, small.shape[2]), small.shape[1]
+    lines = []
+    for r in (row, row + 1):
+        first = r * width + column
+        left = flat[first]
+        lines.append(left + across * (flat[first + 1] - left))
+    result = np.zeros((*atlas.sheet.nodes.shape, small.shape[2]), dtype=np.float32)
+    nodes = result.reshape(-1, small.shape[2])
+    nodes[atlas.owners.reshape(-1)[texels]] = lines[0] + down * (lines[1] - lines[0])
+    nodes[atlas.copies[:, 0]] = nodes[atlas.copies[:, 1]]
     return result
 
 
@@ -272,5 +286,9 @@ def _filled(
     sheet_values(space, unknowns, result)
     if texture.unit:
         run(unit_normals, len(result), result, chunk=ROWS)
-    np.copyto(result, values, where=~missing[..., None])
+        np.copyto(result, values, where=~missing[..., None])
+    else:  # known unknowns kept theirs
+        hidden = space.cut_cells.hidden[:, 0]
+        hidden = hidden[~missing.reshape(-1)[hidden]]
+        result.reshape(flat.shape)[hidden] = flat[hidden]
     return result

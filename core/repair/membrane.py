@@ -126,8 +126,8 @@ class Holes:
         # saves most of the time.
         whole, unknown = self.whole, self.unknown
         nodes, columns = whole.labels.size, whole.labels.shape[1]
-        own = np.zeros(len(unknown), dtype=np.float64)
-        stencil = np.zeros_like(whole.stencil)
+        # Memory that nobody writes to costs nothing, other than that of `np.zeros_like`.
+        stencil = np.zeros(whole.stencil.shape, dtype=np.float32)
         inner = unknown[:nodes].reshape(kept.shape)
         parts: list[tuple[npt.NDArray, npt.NDArray, npt.NDArray]] = []
         rows = len(kept)
@@ -147,10 +147,11 @@ class Holes:
         one = unknown[of] & ~unknown[to]
         parts.append((of[one], to[one], whole.values[one]))
         dropped = _Dropped(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+        own = np.zeros(len(unknown), dtype=np.float64)
         own -= np.bincount(dropped.of, dropped.values, len(own))
         soft = self.adrift
         own[soft] += whole.screen[soft] / _SOFT**2
-        own[~unknown] = _ALONE * np.maximum(whole.screen[~unknown], 1.0)
+        alone = np.float32(_ALONE) * np.maximum(whole.screen, np.float32(1.0))
         stays = np.ones(len(whole.seam), dtype=np.bool_)
         is_node = whole.seam < nodes
         stays[is_node] = kept.reshape(-1)[whole.seam[is_node]]
@@ -159,7 +160,7 @@ class Holes:
         start = np.concatenate([[0], np.cumsum(counts)]).astype(whole.start.dtype)
         number = (np.cumsum(stays) - 1).astype(whole.columns_.dtype)
         labels = np.where(kept, whole.labels, np.int32(NOTHING))
-        screen = own.astype(np.float32)
+        screen = np.where(unknown, own, alone).astype(np.float32)
         return SheetMatrix(
             stencil,
             labels,
@@ -229,10 +230,10 @@ class Holes:
     def membrane(self, values: Singles, message: str) -> SheetSolver:
         """Fill what is missing by a harmonic function, in place: (n, c)."""
         solver = SheetSolver(self._matrix)
-        product = np.zeros_like(values)
+        product = np.zeros(values.shape, dtype=np.float32)
         solver.apply(values, product)
         unknown = np.flatnonzero(self.unknown)
-        rhs = np.zeros_like(values)
+        rhs = np.zeros(values.shape, dtype=np.float32)
         rhs[unknown] = -product[unknown]
         dropped = self._dropped
         place = np.searchsorted(unknown, dropped.of)
@@ -242,8 +243,7 @@ class Holes:
         soft = np.flatnonzero(self.adrift)
         weights = (self.whole.screen[soft] / np.float32(_SOFT**2))[:, None]
         rhs[soft] += weights * values[soft]
-        change = product
-        change[:] = 0.0
+        change = np.zeros(values.shape, dtype=np.float32)
         solver.solve(rhs, change, self._tolerance, message=message)
         values[unknown] += change[unknown]
         return solver

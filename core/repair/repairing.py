@@ -32,12 +32,13 @@ from ..settings import (
 from ..texture.denoising import beltrami_texture
 from ..texture.sharpening import dilate_texture, sharpen_texture
 from ..texture.stitching import stitch_textures
-from ..texture.texels import check_content, checked_atlas, values_of
+from ..texture.texels import Texture, check_content, checked_atlas, values_of
 from ..texture.textures_by_width import nodes_inside
 from .blocks import remove_blocks
 from .enlarging import enlarge_texture
 from .filling import fill_texture
 from .missing import missing_texels, unseen_texels
+from .noticeable import against_contrast, beside_detail
 
 _Bools = npt.NDArray[np.bool_]
 
@@ -335,22 +336,44 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
     )
     if settings.stitch == "everywhere":
         return result
-    scale = SCALES[image.dtype.name]
-    old, new = (each.reshape(*image.shape[:2], -1).astype(np.float32) for each in (image, result))
-    far = np.abs(new - old).max(axis=2, keepdims=True) * scale / _STEP
-    mixed = old + (new - old) / (1 + far**4)
+    old, new = _in_singles(image, result)
+    pixels = image.reshape(*image.shape[:2], -1)
+    far = np.abs(new - old).max(axis=2) / _STEP
+    shares = beside_detail(Texture(surface.atlas, pixels), new - old) / (1 + far**4)
+    return _mixed(image, result, shares, settings)
+
+
+def _in_singles(*images: npt.NDArray) -> list[npt.NDArray[np.float32]]:
+    # Values for white = 1: (h, w, c).
+    scale = np.float32(SCALES[images[0].dtype.name])
+    return [scale * each.reshape(*each.shape[:2], -1).astype(np.float32) for each in images]
+
+
+def _mixed(
+    image: npt.NDArray,
+    result: npt.NDArray,
+    shares: npt.NDArray[np.float32],
+    settings: RepairSettings,
+) -> npt.NDArray:
+    # The image with a share (h, w) of its changes; only changed texels are looked at.
+    old_texels, new_texels = (each.reshape(shares.size, -1) for each in (image, result))
+    where = np.flatnonzero((old_texels != new_texels).any(axis=1))
+    if len(where) == 0:
+        return image
+    given = old_texels[where]
+    old, new = (each[0] for each in _in_singles(given[None], new_texels[where][None]))
+    mixed = old + shares.reshape(-1, 1)[where] * (new - old)
     if settings.content != "values":  # mixtures of normals are shorter
-        normals = 2 * scale * mixed[..., :3] - 1
-        lengths = np.linalg.norm(normals, axis=2, keepdims=True)
-        mixed[..., :3] = (normals / np.maximum(lengths, 1e-6) + 1) / (2 * scale)
+        normals = 2 * mixed[:, :3] - 1
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        mixed[:, :3] = (normals / np.maximum(lengths, 1e-6) + 1) / 2
     # Elsewhere texels keep their own bits, which single precision may not hold.
-    rounding = _ROUNDING * (np.abs(old) + np.abs(old).mean())
-    changed = (
-        (np.abs(new - old) > rounding)
-        .any(axis=2)
-        .reshape(*image.shape[:2], *[1] * (image.ndim - 2))
-    )
-    return np.where(changed, _stored(mixed, image), image)
+    scale = SCALES[image.dtype.name]
+    rounding = _ROUNDING * (np.abs(old) + scale * np.abs(image).mean(dtype=np.float64))
+    changed = (np.abs(new - old) > rounding).any(axis=1)
+    found = old_texels.copy()
+    found[where[changed]] = _stored(mixed / scale, given)[changed]
+    return found.reshape(image.shape)
 
 
 def _finished(
@@ -364,9 +387,13 @@ def _finished(
         return enlarge_texture(mesh, uv, image, larger, atlas=atlas)
     amount = settings.sharpen * _blur(atlas, image, settings, unblocked)
     if amount > 0:
-        sharper = TextureSettings(amount=amount, **words)
-        return sharpen_texture(mesh, uv, image, sharper, atlas=atlas)
-    return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
+        with phase(0.0, 0.9, "Sharpening"):
+            sharp = sharpen_texture(mesh, uv, image, TextureSettings(**words), atlas=atlas)
+            old, new = _in_singles(image, sharp)
+            shares = np.float32(amount) * against_contrast(atlas.inside, old, new - old)
+            image = _mixed(image, sharp, shares, settings)
+    with phase(0.9, 1.0, "Filling the gutter"):
+        return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
 
 
 def _blur(

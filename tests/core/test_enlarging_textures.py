@@ -4,7 +4,10 @@
 import numpy as np
 import pytest
 from atlases import Blocks
+from scipy.ndimage import minimum_filter
 from shock_filter import core
+from shock_filter.core.repair.smoothest import share_of_first
+from shock_filter.core.texture.texels import Texture
 
 
 def waves(n, channels=3):
@@ -110,3 +113,21 @@ def test_clean_rims_are_enlarged_with_what_is_across_the_seams():
     inside = core.TextureAtlas(mesh, blocks.uv, size=fine.shape[:2]).inside
     of_alone = decibels(alone[inside], fine[inside])
     assert decibels(result[inside], fine[inside]) > of_alone + 6
+
+
+def test_the_picture_without_a_fault_at_the_rims_is_taken():
+    blocks = Blocks(waves(128), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image = blocks.texture()
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=image.shape[:2])
+    rims = atlas.inside & ~minimum_filter(atlas.inside, size=3)
+    dark = np.where(rims[..., None], 0.5 * image, image)
+    texture = Texture(atlas, image)
+    of_first = share_of_first(texture, image, dark)
+    of_dark = share_of_first(texture, dark, image)
+    assert np.quantile(of_first[rims], 0.05) > 0.95
+    assert np.abs(of_first + of_dark - 1)[atlas.inside].max() < 1e-5
+    far = minimum_filter(atlas.inside, size=11)
+    assert far.any()
+    assert (of_first[far] == 0.5).all()
+    assert (of_first[~atlas.inside] == 0).all()

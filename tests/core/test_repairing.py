@@ -6,7 +6,9 @@ import pytest
 from atlases import Blocks
 from scipy.ndimage import gaussian_filter, minimum_filter
 from shock_filter import core
+from shock_filter.core.repair.noticeable import against_contrast, beside_detail
 from shock_filter.core.repair.repairing import _blur
+from shock_filter.core.texture.texels import Texture
 
 KEEP = {"blocks": 0, "denoise": 0, "fill": "nothing", "stitch": "nothing", "sharpen": 0}
 
@@ -158,3 +160,55 @@ def test_borders_that_blocks_made_wide_need_less_sharpening():
     soft = np.rint(gaussian_filter(200.0 * ((y // 16 + x // 16) % 2), 1.0)).astype(np.uint8)
     settings = core.RepairSettings()
     assert 0 <= _blur(atlas, soft, settings, unblocked=True) < _blur(atlas, soft, settings) <= 1
+
+
+def decibels(found, wanted, where):
+    difference = found[where].astype(float) - wanted[where]
+    return -10 * np.log10(max(np.mean(difference**2), 1e-9) / 255**2)
+
+
+def square():
+    mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    return mesh, mesh.vertices[mesh.faces][..., :2]
+
+
+def test_small_changes_by_sharpening_are_left():
+    y, x = np.mgrid[:128, :128]
+    levels = []
+    for length in (38.0, 54.0, 70.0):
+        u, v = 2 * np.pi * x / length, 2 * np.pi * y / length
+        levels.append(np.sin(u) * np.cos(v) + np.sin(v) * 0.5 + 0.6 * np.cos(u))
+    level = np.stack(levels, axis=-1)
+    soft = np.rint(127.5 + 100 * np.tanh(level / 0.35)).astype(np.uint8)
+    mesh, uv = square()
+    whole = np.ones((128, 128), dtype=bool)
+    found = core.repair_texture(mesh, uv, soft)
+    alone = core.sharpen_texture(mesh, uv, soft)
+    assert decibels(found, soft, whole) > decibels(alone, soft, whole) + 6
+
+
+def test_a_change_counts_by_its_share_of_the_contrast():
+    inside = np.ones((32, 32), dtype=bool)
+    values = np.zeros((32, 32, 1), dtype=np.float32)
+    values[:, 16:] = 1.0
+    change = np.zeros_like(values)
+    change[:, 15:17] = 1.0
+    shares = [against_contrast(inside, values, a * change)[16, 15] for a in (0.0, 0.02, 0.2)]
+    assert shares[0] == 0
+    assert shares[1] < 0.1
+    assert shares[2] > 0.9
+    # Faint borders need as large a share.
+    again = against_contrast(inside, 0.1 * values, np.float32(0.02) * change)[16, 15]
+    assert abs(again - shares[2]) < 1e-3
+
+
+def test_a_step_at_a_seam_counts_by_how_it_stands_out_from_detail(model):
+    _, _, image, atlas = model
+    noise = np.random.default_rng(3).normal(0, 25, image.shape)
+    fine = np.clip(image + noise, 0, 255).astype(np.uint8)
+    change = np.full(image.shape, 0.02, dtype=np.float32)
+    smooth_part, fine_part = (
+        beside_detail(Texture(atlas, pixels), change)[atlas.inside] for pixels in (image, fine)
+    )
+    assert np.median(smooth_part) > 0.8
+    assert np.median(fine_part) < 0.1
