@@ -23,7 +23,8 @@ from shock_filter import core
 from shock_filter.core.maps import tracing
 from shock_filter.core.maps.ray_noise import without_noise
 
-sys.path.append(str(Path(__file__).parent.parent / "tests" / "core"))
+# Before this folder, which has a module `remeshed`, too.
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "core"))
 
 COUNTS = (8, 12, 16, 24, 32, 48, 64)
 CELLS = 224  # a torus of 100,352 triangles
