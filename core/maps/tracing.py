@@ -232,9 +232,10 @@ def look_past_edges(scene: Scene, sites: Sites, rays: int, distance: float) -> _
     Returns
     -------
     (k, 2) float32
-        Of each half of the rays, the part that leaves the body through another side: 0 on planes,
-        (1 - cos a) / 2 on an edge where the surface turns by the angle a, falling off to 0 at the
-        distance. What leaves through the opposite side, as in a thin wall, does not count.
+        Of each half of the rays, the part that leaves the body through another side: 0 on planes
+        and where the surface is concave, (1 - cos a) / 2 on a sharp edge where it turns by the
+        angle a, falling off to 0 at the distance. What leaves through the opposite side, as in a
+        thin wall, does not count.
     """
     count = len(sites.points)
     found = np.zeros((count, 2), np.float32)
@@ -372,6 +373,7 @@ def _look_inside(start, stop, sites, tree, limit, off, points, rays, depths):
 @kernel
 def _look_past(start, stop, sites, tree, limit, off, points, rays, found):
     stack = np.empty(STACK, np.int32)
+    total = np.empty(2)
     triangles = tree.triangles
     for k in range(start, stop):
         ox, oy, oz = _origin(sites, k, -off)
@@ -379,6 +381,7 @@ def _look_past(start, stop, sites, tree, limit, off, points, rays, found):
         ny = np.float64(sites.normals[k, 1])
         nz = np.float64(sites.normals[k, 2])
         ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+        total[0], total[1] = 0.0, 0.0
         for i in range(rays):
             half = 0 if 2 * i < rays else 1
             p, q = ray_of(points, rays, sites.turns[k], i)
@@ -386,6 +389,10 @@ def _look_past(start, stop, sites, tree, limit, off, points, rays, found):
             dx = np.float32(p * ax + q * bx - down * nx)
             dy = np.float32(p * ay + q * by - down * ny)
             dz = np.float32(p * az + q * bz - down * nz)
+            above = dx * sites.facing[k, 0] + dy * sites.facing[k, 1] + dz * sites.facing[k, 2]
+            if above >= -1e-6:  # out of the face itself, which the smooth normal leans from
+                continue
+            total[half] += 1.0
             far, row = first_hit(tree, ox, oy, oz, dx, dy, dz, np.float32(limit), False, stack)
             if row < 0:
                 continue
@@ -399,4 +406,4 @@ def _look_past(start, stop, sites, tree, limit, off, points, rays, found):
             weight = min(2.0 * max(1.0 + agrees, 0.0), 1.0)
             found[k, half] += np.float32(weight * max(1.0 - far / limit, 0.0))
         for half in range(2):
-            found[k, half] /= np.float32(max((rays + 1 - half) // 2, 1))
+            found[k, half] /= np.float32(max(total[half], 1.0))

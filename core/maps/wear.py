@@ -9,6 +9,7 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..base.checks import Floats, by_keyword, checked_size
 from ..base.progress import ProgressCallback, phase, reporting
+from ..mesh.calculus import unit_vectors
 from ..mesh.edges import checked_edges
 from ..mesh.nearest import nearest_point, point_tree
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
@@ -34,6 +35,10 @@ _SHELTER = 8.0
 
 _GAIN = {"edges": 6.0, "dirt": 5.0, "dust": 3.0}
 """How fast masks go to white."""
+
+_SMOOTH, _SHARP = 0.991, 0.94
+"""Cosines between shaded and true normals up to which edges are taken for smooth (turning by 15
+degrees), and from which for sharp (40): those of round parts are not worn one by one."""
 
 _AT_VERTICES = 4
 """Times as many rays: vertices are few, and neighbours differ more than texels do."""
@@ -87,8 +92,8 @@ def wear(
     -----
     All three come from rays, so they are as fine as the texture, on coarse meshes, too. Edges: the
     part of the rays into the body that leave it within `width` through another side, which is
-    (1 - cos a) / 2 on an edge where the surface turns by the angle a, and falls off to 0 at the
-    width; times the part of the sky that is seen within 8 widths. Opposite sides of thin walls do
+    (1 - cos a) / 2 on a sharp edge where the surface turns by the angle a, less on one that is
+    shaded smoothly, and falls off to 0 at the width; times the part of the sky that is seen within 8 widths. Opposite sides of thin walls do
     not count. Dirt: the part of the rays that meet something within `width`, less where it is far.
     Dust: the part of the sky seen around the Z axis, times the square of the cosine to it.
 
@@ -198,7 +203,7 @@ class _Wear:
 
     def _traced_edges(self, scene: Scene, sites: Sites, rays: int) -> _Single:
         with phase(0.0, 0.5, "Tracing rays"):
-            convex = look_past_edges(scene, sites, rays, self._width)
+            convex = look_past_edges(scene, _less_shaded(sites), rays, self._width)
         with phase(0.5, 1.0, "Tracing rays"):
             seen = look_around(scene, sites, rays, _SHELTER * self._width)[0]
         return np.stack([convex[:, 0], seen[:, 0], convex[:, 1], seen[:, 1]], axis=1)
@@ -238,3 +243,11 @@ class _Wear:
         far, _ = nearest_point(tree, sites.points.astype(np.float64), reach)
         nearness: Floats = np.maximum(1.0 - far / reach, 0.0)
         return nearness * nearness * (3.0 - 2.0 * nearness)
+
+
+def _less_shaded(sites: Sites) -> Sites:
+    # Faces turn from shaded normals to their own, the farther these are apart.
+    agrees = (sites.normals * sites.facing).sum(axis=1, keepdims=True)
+    share = np.clip((agrees - _SHARP) / (_SMOOTH - _SHARP), 0.0, 1.0)
+    normals = sites.facing + share * (sites.normals - sites.facing)
+    return sites._replace(normals=unit_vectors(normals).astype(np.float32))
