@@ -61,7 +61,9 @@ class Setting(NamedTuple):
     tried_at_most : float
         The largest value in previews, which must be fast.
     auto : float or None
-        The value that leaves it to the filter; None if there is none.
+        The value that leaves it to the filter, or does nothing; None if there is none.
+    auto_label, auto_description : str
+        What that value is called on screen, and what it does.
     usual : float
         Where there is one: a value to start from without it.
     """
@@ -83,6 +85,8 @@ class Setting(NamedTuple):
     brief: Any = None
     tried_at_most: float = INF
     auto: float | None = None
+    auto_label: str = "Auto"
+    auto_description: str = "Leave it to the filter"
     usual: float = 0.0
 
 
@@ -1607,11 +1611,13 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     bump_size: float = _setting(
         0.0,
         "Width of bumps to take away, as photogrammetry leaves them, with all relief that is not"
-        " wider. 0 finds noise by itself, and leaves wide bumps as relief; 3 to 5 are usual",
+        " wider. 0 takes away noise alone, and no bumps; 3 to 5 are usual",
         unit="mean edge lengths",
         maximum=20.0,
         soft_maximum=8.0,
         auto=0.0,
+        auto_label="None",
+        auto_description="Take away noise alone, and no bumps",
         usual=4.0,
     )
     keep_creases: float = _setting(

@@ -49,6 +49,7 @@ def _forget_file(*_: object) -> None:
     # Forget data and messages of the previous file.
     forgetting.forget_file()
     operators.summaries.clear()
+    operators.details.clear()
     keeping.found.clear()
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.normal_frames import NormalFrames
 from ..base.checks import Floats, as_array, by_keyword, checked_size
-from ..base.findings import tell
+from ..base.findings import Length, tell
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
 from ..mesh.curvature import curvatures_of
@@ -53,9 +53,10 @@ _SHOWN = 0.98
 """The part of the texels whose curvature lies in the range of grays."""
 
 _WHITE = {
-    "displacement": "In the map of heights, white is {white:.3g} above, black as much below.",
-    "curvature": "In the map of curvature, white is {white:.3g} per unit, black as much inward.",
-    "thickness": "In the map of thickness, white is {white:.3g}.",
+    "displacement": "In the map of heights, white is {white} above, black as much below.",
+    "curvature": "In the map of curvature, white bends with a radius of {radius}, black as much"
+    " inward.",
+    "thickness": "In the map of thickness, white is {white}.",
 }
 """What is told of grays."""
 
@@ -263,8 +264,10 @@ class _Baker:
         else:
             part = _SHOWN if name == "curvature" else 1.0
             white = float(np.quantile(inside, part)) if inside.size else 0.0
-        if white > 0:
-            tell(_WHITE[name], white=white)
+        if white > 0 and name == "curvature":
+            tell(_WHITE[name], white=white, radius=Length(1.0 / white))
+        elif white > 0:
+            tell(_WHITE[name], white=Length(white))
         scaled = values / np.float32(max(white, 1e-30))
         return np.clip(0.5 + 0.5 * scaled if name in SIGNED else scaled, 0.0, 1.0)
 

@@ -10,6 +10,7 @@ stays as it is.
 from __future__ import annotations
 
 from functools import cache
+from math import ceil
 from pathlib import Path
 from typing import NamedTuple
 
@@ -120,18 +121,15 @@ def tell_creases(
                 "No creases to close were found: what is round, flat or coarse stays. For more, set"
                 " Where to Everywhere."
             )
-    elif creases.radius < 1:
-        tell(
-            "Closed creases that were blunt by about an edge length; smooth parts stay.",
-            widest_fillet=EdgeLengths(creases.widest, mesh.mean_edge_length),
-        )
     else:
+        widest = max(ceil(10.0 * creases.widest), 1) / 10.0  # as reports write it
         tell(
-            "Closed creases that were rounded over a radius of {radius}; smooth parts stay.",
-            radius=EdgeLengths(creases.radius, mesh.mean_edge_length),
-            widest_fillet=EdgeLengths(creases.widest, mesh.mean_edge_length),
+            "Closed creases that were rounded over a radius of up to {widest_fillet}; smooth parts"
+            " stay.",
+            widest_fillet=EdgeLengths(widest, mesh.mean_edge_length),
         )
-        tell("To keep threads and fillets, set Widest Fillet below that.")
+        if creases.radius >= 1:
+            tell("To keep threads and fillets, set Widest Fillet below that.")
 
 
 @cache

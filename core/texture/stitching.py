@@ -14,6 +14,7 @@ from ..atlas.ghosts import extend_ghosts
 from ..atlas.gutter import unit_normals
 from ..atlas.sheet import ROWS
 from ..base.checks import LARGEST, Floats, as_array, by_keyword, checked_image, checked_weights
+from ..base.findings import tell
 from ..base.parallel import run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..elements.matrices import CellWeights, TextureSpace
@@ -200,6 +201,7 @@ def _stitched(
         share = 0.0
     if share is None:
         share = _share_of_factors(space, sources, floor)
+    _tell_choice(settings.even_out, share)
     if share == 0:
         return _by_offsets(space, sources, labels, settings)
     with phase(0.0, 1.0 if share == 1 else 0.5, "Stitching"):
@@ -211,6 +213,21 @@ def _stitched(
     with phase(0.5, 1.0, "Stitching"):
         other = _by_offsets(space, sources, labels, settings)
     return other + np.float32(share) * (stitched - other)
+
+
+def _tell_choice(even_out: str, share: float) -> None:
+    if even_out == "brightness" and share == 0:
+        tell("Factors of brightness need values above 0; differences were added instead.")
+    elif even_out == "auto" and share == 0:
+        tell("Even Out: Auto took differences, which are added.")
+    elif even_out == "auto" and share == 1:
+        tell("Even Out: Auto took factors of brightness, which keep black.")
+    elif even_out == "auto":
+        tell(
+            "Even Out: Auto took factors of brightness by {share:.0%}, and differences for the"
+            " rest.",
+            share=share,
+        )
 
 
 def _by_offsets(

@@ -20,7 +20,7 @@ from ..running import kernels
 from ..running.jobs import ModalJob, current, is_scene_read
 from .keeping import Found, found
 from .keeping import subjects as _subjects
-from .properties import settings_of
+from .properties import AUTO, settings_of
 
 Progress = Callable[[float, str], bool]
 
@@ -32,6 +32,9 @@ _HARDLY_SEEN = 0.01
 
 summaries: dict[str, str] = {}
 """The last report of each mode, or the error."""
+
+details: dict[str, str] = {}
+"""What the panel folds of these reports; nothing of most."""
 
 
 listener: Any = None
@@ -265,10 +268,14 @@ class FilterOperator(ModalJob):
         super().cancel(context)
         self._forget()
 
-    def tell(self, kind: str, text: str) -> None:
+    def is_detail(self, finding: Finding) -> bool:
+        """Whether few need a remark of the filter, so that the panel folds it."""
+        return False
+
+    def tell(self, kind: str, text: str, folded: str = "") -> None:
         """Report the end of the run, also in the panel, which shows more lines than one."""
-        super().tell(kind, text.replace("\n", " "))
-        summaries[self.key] = text
+        super().tell(kind, f"{text} {folded}".replace("\n", " ").rstrip())
+        summaries[self.key], details[self.key] = text, folded
 
     def _forget(self) -> None:
         # Blender keeps the last 32 operators, so their data is released.
@@ -306,23 +313,29 @@ class FilterOperator(ModalJob):
             listener.counts = self.counts(written)
         parts = [
             self.summary(written, seconds),
-            *self._remarks(written),
+            *self._remarks(written, folded=False),
             self.notes(written),
             *skipped,
         ]
         between = " " if len(written) + len(skipped) == 1 else "\n"
-        self.tell("WARNING" if skipped else "INFO", between.join(filter(None, parts)))
+        text = between.join(filter(None, parts))
+        folded = between.join(self._remarks(written, folded=True))
+        self.tell("WARNING" if skipped else "INFO", text, folded)
         return {"FINISHED"}
 
-    def _remarks(self, written: list[Written]) -> list[str]:
+    def _remarks(self, written: list[Written], folded: bool) -> list[str]:
         """Return the remarks on each target, in a line; of several, with the names."""
         alike: dict[str, list[str]] = {}
         chosen = self.row.target(self)
         for target, made, _ in written:
             scale = self.scale_of(made)
-            remarks = [finding for of, finding in self._findings if of is target]
+            remarks = [
+                finding
+                for of, finding in self._findings
+                if of is target and self.is_detail(finding) == folded
+            ]
             for finding in remarks:
-                of_active = _choices(chosen, finding, scale)  # which comes first
+                of_active = _choices(self, chosen, finding, scale)  # which comes first
                 found[self.key] = of_active | found.get(self.key, {})
             if text := " ".join(explain(finding, scale) for finding in remarks):
                 alike.setdefault(text, []).append(target.name)
@@ -336,9 +349,9 @@ class FilterOperator(ModalJob):
         return 0.0
 
 
-def _choices(target: Target, finding: Finding, scale: float) -> dict[str, Found]:
+def _choices(parameters: Any, target: Target, finding: Finding, scale: float) -> dict[str, Found]:
     """Return what was chosen where settings were left to the filter, by their properties."""
-    names = [name for name, about in target.fields.items() if about.auto is not None]
+    names = [name for name in target.fields if getattr(parameters, name + AUTO, False)]
     chosen = {}
     for name in names:
         value = finding.values.get(name.removeprefix(target.prefix))
@@ -346,7 +359,8 @@ def _choices(target: Target, finding: Finding, scale: float) -> dict[str, Found]
             of_mesh = 1.0 if hasattr(value, "of_mesh") else 0.0
             edge = getattr(value, "edge", of_mesh) * scale
             text = data.lengths.in_scene(value * edge) if edge > 0 else f"{value:.3g}"
-            chosen[name] = Found(float(value), text)
+            said = data.lengths.in_both(value, edge) if hasattr(value, "edge") else text
+            chosen[name] = Found(float(value), text, said)
     return chosen
 
 
@@ -354,6 +368,11 @@ def summary_of(context: bpy.types.Context, key: str) -> str:
     """Return the last report of a mode, if it is about the current selection; empty if not."""
     same = data.chosen.subjects(context) & _subjects.get(key, set())
     return summaries.get(key, "") if same else ""
+
+
+def details_of(context: bpy.types.Context, key: str) -> str:
+    """Return what is folded of the report that `summary_of` returns."""
+    return details.get(key, "") if summary_of(context, key) else ""
 
 
 def can_run(operator: type, obstacle: str) -> bool:

@@ -154,16 +154,19 @@ def _draw_setting(
         return
     title = parameters.bl_rna.properties[name].name
     row = row.row(heading=title, align=True)
+    word = parameters.bl_rna.properties[switch].name
     if not getattr(parameters, switch):
-        row.prop(parameters, switch, text="Auto", toggle=True)
+        row.prop(parameters, switch, text=word, toggle=True)
         row.prop(parameters, name, text="")
         return
     of_panel = isinstance(parameters, bpy.types.PropertyGroup)
     found = found_by(context, mode.group, name) if of_panel else None
     if found is None:
-        row.prop(parameters, switch, text="Auto", toggle=True)
+        row.prop(parameters, switch, text=word, toggle=True)
         return
-    text = iface_("Auto: {value}").format(value=found.text)
+    text = iface_("Auto: {value}").format(value=found.said)
+    if not fit(context, [title, text, "Keep"]):
+        text = iface_("Auto: {value}").format(value=found.text)
     row.prop(parameters, switch, text=text, toggle=True, translate=False)
     words = {} if fit(context, [title, text, "Keep"]) else {"text": "", "icon": "PINNED"}
     keep = row.operator("shock_filter.keep_auto", **words)

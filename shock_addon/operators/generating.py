@@ -225,6 +225,7 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
         """Write the images, and put them into materials."""
         self._made: dict[str, bpy.types.Image] = {}
         self._lost: list[str] = []
+        self._notes: list[str] = []
         written, skipped = write_results(self.targets, results, self._write_one)
         return written, skipped + self._lost
 
@@ -233,7 +234,7 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
         made = data.image.baked.write(target, baked.images, self.result, in_floats=in_floats)
         self.result = "\n".join(f"{key}\t{image.name}" for key, image in made.items())
         if self.add_node:
-            self._lost = data.image.baked.show(target, made)
+            self._lost, self._notes = data.image.baked.show(target, made)
         for image in made.values():
             data.image.linking.note(image)
         data.replaced.hold([])
@@ -246,18 +247,27 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
         return size, size
 
     def summary(self, written: list[Written], seconds: float) -> str:
-        """Name the images."""
+        """Count the maps, which have the name of the object."""
         target = written[0].target
-        text = pgettext_rpt("Baked {names} of {objects}, {seconds:.1f} s.")
+        text = pgettext_rpt("Baked {maps} of {objects}, {seconds:.1f} s.")
+        objects = counted(len(target.objects), "1 object", "{:,} objects")
         return text.format(
-            names=", ".join(image.name for image in self._made.values()),
-            objects=counted(len(target.objects), "1 object", "{:,} objects"),
+            maps=counted(len(self._made), "1 map", "{:,} maps"),
+            objects=target.name if len(target.objects) == 1 else objects,
             seconds=seconds,
         )
 
+    def is_detail(self, finding: Any) -> bool:
+        """Fold what white means in a map."""
+        return "white" in finding.values
+
+    def scale_of(self, made: Any) -> float:
+        """Return 1: the objects were read in the scene's units."""
+        return 1.0
+
     def notes(self, written: list[Written]) -> str:
-        """Return remarks on the UV map."""
-        return " ".join(written[0].result.notes)
+        """Return remarks on the UV map and on materials."""
+        return " ".join([*written[0].result.notes, *self._notes])
 
     def draw(self, context: bpy.types.Context) -> None:
         """Show the settings after the run."""

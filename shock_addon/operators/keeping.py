@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import bpy
+from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from .. import data
 
@@ -14,10 +15,20 @@ subjects: dict[str, set[int]] = {}
 
 
 class Found(NamedTuple):
-    """The value that a run chose for a setting, and that in words, in the scene's units."""
+    """The value that a run chose for a setting, and that in words.
+
+    Attributes
+    ----------
+    value : float
+    text : str
+        In the scene's units, for the field.
+    said : str
+        As reports say it, also in the units that the field has.
+    """
 
     value: float
     text: str
+    said: str
 
 
 found: dict[str, dict[str, Found]] = {}
@@ -46,7 +57,11 @@ class SHOCK_FILTER_OT_keep_auto(bpy.types.Operator):
         if chosen is None:
             self.report({"ERROR"}, "No run on what is selected has chosen this; run it first.")
             return {"CANCELLED"}
-        setattr(getattr(context.scene.shock_filter, self.mode), self.name, chosen.value)
+        settings = getattr(context.scene.shock_filter, self.mode)
+        setattr(settings, self.name, chosen.value)
+        name = pgettext_iface(settings.bl_rna.properties[self.name].name)
+        text = pgettext_rpt("{name} is {value} from now on.")
+        self.report({"INFO"}, text.format(name=name, value=chosen.said))
         return {"FINISHED"}
 
 

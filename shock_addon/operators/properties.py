@@ -49,7 +49,7 @@ def annotations_of(
 
 
 def _auto(name: str, about: Setting) -> Any:
-    """Make the switch that sets a number to the value that leaves it to the filter, and back."""
+    """Make the switch that sets a number to `Setting.auto`, and back."""
 
     def get(owner: Any) -> bool:
         return getattr(owner, name) == about.auto
@@ -59,8 +59,8 @@ def _auto(name: str, about: Setting) -> Any:
             setattr(owner, name, about.auto if is_auto else about.usual)
 
     return bpy.props.BoolProperty(
-        name="Auto",
-        description="Leave it to the filter",
+        name=about.auto_label,
+        description=about.auto_description,
         get=get,
         set=set_,
         options={"HIDDEN", "SKIP_SAVE"},

@@ -156,7 +156,7 @@ class Preview:
         if value < 0 and name == self.second:
             return f"{self._measured:.4g}"
         if value == self._about[name][2].auto:
-            return iface_("Auto")
+            return iface_(self._about[name][2].auto_label)
         return f"{value:g}"
 
     def tick(self) -> None:

@@ -127,6 +127,16 @@ def _draw_report(
         draw_text(layout, context, before, icon="ERROR")
     elif summary := operators.summary_of(context, mode.group):
         draw_text(layout, context, summary)
+        _draw_details(layout, context, mode)
+
+
+def _draw_details(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
+    """Draw what few need of the last report, folded."""
+    if details := operators.details_of(context, mode.group):
+        header, body = layout.panel(f"SHOCK_FILTER_{mode.key}_details", default_closed=True)
+        header.label(text="Details")
+        if body:
+            draw_text(body, context, details)
 
 
 def draw_statistics(

@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.running import jobs
 
 SIZE = 256
 
@@ -49,9 +50,7 @@ def test_all_maps_of_an_object_have_names_that_others_know(low):
     nodes = low.active_material.node_tree.nodes
     assert {node.image.name for node in nodes if node.type == "TEX_IMAGE"} == names
     assert not nodes["Principled BSDF"].inputs["Base Color"].is_linked
-    assert (
-        "Baked Low_curvature, Low_ao, Low_thickness of 1 object" in operators.summaries["generate"]
-    )
+    assert operators.summaries["generate"].startswith("Baked 3 maps of Low, ")
 
 
 def test_a_detailed_object_comes_onto_the_active_one(low, select):
@@ -116,7 +115,8 @@ def test_modifiers_of_the_detailed_object_are_read(low, select):
     select(low, high)
     assert bake(from_selected=True, cage=0.2, maps={"displacement"}) == {"FINISHED"}
     assert np.allclose(read("Low_height"), 0.5 + 0.5 * 0.1 / 0.2, atol=0.01)
-    assert "white is 0.2 above" in operators.summaries["generate"]
+    assert "white is 20 cm above" in operators.details["generate"]
+    assert "white" not in operators.summaries["generate"]
     lift.show_viewport = False
     assert bake(from_selected=True, cage=0.2, maps={"displacement"}) == {"FINISHED"}
     assert np.allclose(read("Low_height.001"), 0.5, atol=0.01)
@@ -128,7 +128,26 @@ def test_a_cage_that_is_too_small_is_said(low, select):
     bpy.context.view_layer.update()
     select(low, high)
     assert bake(from_selected=True, cage=0.1, maps={"normals"}) == {"FINISHED"}
-    assert "within 0.1; raise Cage to about 0.21." in operators.summaries["generate"]
+    assert "within 10 cm; raise Cage to about 21 cm." in operators.summaries["generate"]
+
+
+def test_the_report_is_short_and_no_warning(low, select, monkeypatch):
+    """A material that is added is said; what white means is folded, with units."""
+    high = grid("High", 60, 0.1)
+    bpy.context.view_layer.update()
+    select(low, high)
+    kinds = []
+    tell = jobs.ModalJob.tell
+    monkeypatch.setattr(
+        jobs.ModalJob, "tell", lambda self, kind, text: (kinds.append(kind), tell(self, kind, text))
+    )
+    assert bake(from_selected=True, cage=0.5) == {"FINISHED"}
+    assert kinds == ["INFO"]
+    said = operators.summaries["generate"]
+    assert len(said) < 120 and "\n" not in said
+    assert "Low had no material" in said
+    folded = operators.details_of(bpy.context, "generate")
+    assert "white is 50 cm above" in folded and " m" in folded.split("radius of")[1]
 
 
 def test_objects_are_found_again_whatever_their_names(low, select):

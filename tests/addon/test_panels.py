@@ -9,6 +9,7 @@ import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import showing as flow_shown
+from shock_filter.shock_addon.live import updating
 from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find, modes_of
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import choosing, keeping, linking, statistics
@@ -899,7 +900,8 @@ def test_a_switch_says_auto_where_the_value_means_that(mode, name, auto):
     switch = f"{name}_auto"
     assert getattr(settings, name) == auto
     assert getattr(settings, switch)
-    assert settings.bl_rna.properties[switch].name == "Auto"
+    is_none = name == "bump_size"  # which leaves nothing to the filter
+    assert settings.bl_rna.properties[switch].name == ("None" if is_none else "Auto")
     setattr(settings, switch, False)
     assert getattr(settings, name) > 0
     setattr(settings, name, 3.0)
@@ -1006,9 +1008,34 @@ def test_keep_puts_lengths_into_the_field_as_the_report_gives_them(rounded_box):
     assert bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet") == {"FINISHED"}
     settings = bpy.context.scene.shock_filter.geometry
     assert settings.widest_fillet == pytest.approx(chosen.value) != 0.0
+    assert f"a radius of up to {chosen.said};" in operators.summaries["geometry"]
+    assert chosen.said.startswith(f"{chosen.text} ({settings.widest_fillet:.4g} edge length")
     rounded_box(location=(4, 0, 0))
     with pytest.raises(RuntimeError, match="run it first"):
         bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")
+
+
+def test_keep_takes_what_the_field_shows_after_a_live_copy_was_updated():
+    """Of a copy whose source has wider fillets by then; a given width is not what Auto chose."""
+    bpy.ops.mesh.primitive_cube_add()
+    source = bpy.context.object
+    bevel = source.modifiers.new("Bevel", "BEVEL")
+    bevel.width, bevel.segments = 0.04, 4
+    source.modifiers.new("Remesh", "REMESH").mode = "SMOOTH"
+    source.modifiers["Remesh"].octree_depth = 4
+    bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+    first = keeping.found_by(bpy.context, "geometry", "widest_fillet")
+    bevel.width = 0.16
+    bpy.context.view_layer.update()
+    assert updating.update(bpy.context.object) == {"FINISHED"}
+    second = keeping.found_by(bpy.context, "geometry", "widest_fillet")
+    assert second.value > first.value
+    assert f"a radius of up to {second.said};" in operators.summaries["geometry"]
+    bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")
+    settings = bpy.context.scene.shock_filter.geometry
+    assert f"({settings.widest_fillet:.4g} edge length" in second.said
+    bpy.ops.shock_filter.sharpen_geometry(output="LIVE", widest_fillet=settings.widest_fillet)
+    assert keeping.found_by(bpy.context, "geometry", "widest_fillet") is None
 
 
 def test_every_mode_has_a_button_or_a_panel_of_its_own():

@@ -119,8 +119,8 @@ def test_the_wheel_turns_the_bump_size_of_denoising(rounded_box):
         ("colors", {}, "Amount 1 (move mouse) | Width Auto (wheel)"),
         ("colors", {"width": 2.0}, "Amount 1 (move mouse) | Width 2 (wheel)"),
         ("colors", {"time": 0.0}, "Time 0 (move mouse) | Amount 1 (wheel)"),
-        ("denoise", {}, "Strength 1 (move mouse) | Bump Size Auto (wheel)"),
-        ("denoise", {"time": 2.0}, "Strength 1 (move mouse) | Bump Size Auto (wheel)"),
+        ("denoise", {}, "Strength 1 (move mouse) | Bump Size None (wheel)"),
+        ("denoise", {"time": 2.0}, "Strength 1 (move mouse) | Bump Size None (wheel)"),
         ("denoise", {"method": "beltrami"}, "Strength 1 (move mouse)"),
         (
             "denoise",

@@ -122,6 +122,7 @@ def test_the_step_between_charts_goes_and_the_mean_stays(charts):
 
 def test_a_small_radius_keeps_what_lies_farther_away(charts):
     stitch_textures(radius=2.0)
+    assert "Even Out: Auto took" in operators.summaries["stitch"]
     one, other = values_of_charts(read("Bake stitched"))
     assert abs(one[:, -3:] - other[:, :3]).max() > 0.8 * STEP
 

@@ -452,7 +452,7 @@ def test_threads_close_from_the_radius_that_is_said():
     closed = core.sharpen_geometry(mesh, core.GeometrySettings(widest_fillet=2.5))
     assert (closed != mesh.vertices).any(axis=1).mean() > 0.7
     found = said(mesh, widest_fillet=2.5)
-    assert "rounded over a radius of 2 edge lengths" in found
+    assert "rounded over a radius of up to 2.2 edge lengths" in found
     assert "To keep threads and fillets, set Widest Fillet below that." in found
     kept = core.GeometrySettings(widest_fillet=1.0)
     assert (core.sharpen_geometry(mesh, kept) == mesh.vertices).all()

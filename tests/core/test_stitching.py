@@ -6,6 +6,7 @@ import pytest
 from atlases import Blocks, sample
 from shapes import grid
 from shock_filter import core
+from shock_filter.core.base.findings import gathering
 from shock_filter.core.texture import light
 
 
@@ -54,6 +55,29 @@ def test_charts_of_different_brightness_become_one(angle):
     off = blocks.read(result, points) - sample(blocks.picture, points / 64)
     off -= off.mean(axis=0)
     assert np.quantile(np.abs(off), 0.99) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("of", "even_out", "said"),
+    [
+        ("factors", "auto", ["Even Out: Auto took factors of brightness, which keep black."]),
+        ("steps", "auto", ["Even Out: Auto took differences, which are added."]),
+        ("factors", "brightness", []),
+        ("factors", "difference", []),
+        ("below 0", "brightness",
+         ["Factors of brightness need values above 0; differences were added instead."]),
+    ],
+)  # fmt: skip
+def test_what_auto_chose_is_said(of, even_out, said):
+    blocks, mesh, image = of_square(32)
+    broken = with_steps(mesh, blocks, image)
+    if of == "factors":
+        broken = image * np.exp(2 * (broken - image))
+    if of == "below 0":
+        broken -= 1
+    with gathering() as found:
+        core.stitch_textures(mesh, blocks.uv, broken, core.StitchSettings(even_out=even_out))
+    assert [str(each) for each in found] == said
 
 
 def test_a_texture_without_steps_stays():

@@ -122,15 +122,19 @@ def write(
     return made
 
 
-def show(target: BakeTarget, made: dict[str, bpy.types.Image]) -> list[str]:
+def show(
+    target: BakeTarget, made: dict[str, bpy.types.Image]
+) -> tuple[list[str], list[str]]:
     """Put maps into the active materials of objects: normals and colors linked, others not.
 
     Returns
     -------
-    list of str
-        A sentence for each object that was left alone, or got a material.
+    lost : list of str
+        A sentence for each object that was left alone.
+    notes : list of str
+        A sentence for each object that got a material.
     """
-    objects, notes = find_again(target.objects)
+    (objects, lost), notes = find_again(target.objects), []
     for obj in objects:
         material = obj.active_material
         if material is None:
@@ -141,7 +145,7 @@ def show(target: BakeTarget, made: dict[str, bpy.types.Image]) -> list[str]:
             continue
         for key, image in made.items():
             _link(material, key, fields.image_node(material, image, activate=False))
-    return notes
+    return lost, notes
 
 
 def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:

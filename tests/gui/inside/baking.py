@@ -68,7 +68,9 @@ def scenario() -> Steps:
     yield from finished()
     yield from park()
     yield DRAWN
-    report["told"] = addon("operators.base").summaries.get("generate", "")
+    base = addon("operators.base")
+    report["told"] = base.summaries.get("generate", "")
+    report["details"] = base.details.get("generate", "")
     report["images"] = sorted(bpy.data.images.keys())
     picture("bake-maps", area("VIEW_3D"), width=1400)
     high.data.materials.append(plain)
