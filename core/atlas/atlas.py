@@ -64,10 +64,19 @@ class UVReport:
     outside: npt.NDArray[np.intp]
     degenerate: npt.NDArray[np.intp]
 
-    def sentences(self) -> list[str]:
-        """Describe the findings in sentences; empty if there are none."""
+    def sentences(self, made: bool = False) -> list[str]:
+        """Describe the findings in sentences; empty if there are none.
+
+        Parameters
+        ----------
+        made : bool
+            Whether the image was made from the surface, not filtered.
+        """
+        overlapping = "overlap in the texture, and are filtered where the first lies"
+        if made:
+            overlapping = "overlap in the texture, which holds the values of the first"
         found = [
-            (self.overlapping, "overlap in the texture, and are filtered where the first lies"),
+            (self.overlapping, overlapping),
             (self.outside, "leave the image, which repeats there"),
             (self.degenerate, "have no area in the texture"),
         ]

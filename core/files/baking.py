@@ -74,7 +74,7 @@ def bake_file(
         pixels = field_pixels(baked[name], atlas.inside, each, depth)
         images[each] = np.ascontiguousarray(pixels[::-1])
     write_image_files(images, options.overwrite)
-    notes = (*surface.notes, *atlas.report.sentences())
+    notes = (*surface.notes, *atlas.report.sentences(made=True))
     if len(maps) == 1:
         (values,) = baked.values()
         return field_outcome(values.reshape(height, width, -1).mean(axis=2), atlas.inside, notes)

@@ -66,7 +66,7 @@ def field_file(
     depth = np.uint16 if target.suffix.lower() == ".png" else np.uint8
     pixels = field_pixels(values, atlas.inside, target, depth)
     write_image_file(target, np.ascontiguousarray(pixels[::-1]), options.overwrite)
-    notes = (*surface.notes, *atlas.report.sentences())
+    notes = (*surface.notes, *atlas.report.sentences(made=True))
     return field_outcome(values, atlas.inside, notes)
 
 

@@ -163,7 +163,7 @@ def generate(
     values = made if surface.at_vertices else grays_of(made, atlas.inside)
     shown = np.isfinite(values) if surface.at_vertices else np.isfinite(values) & atlas.inside
     values = values.astype(np.float32, copy=False)
-    return Generated(values, shown, tuple(atlas.report.sentences()))
+    return Generated(values, shown, tuple(atlas.report.sentences(made=True)))
 
 
 def _at_vertices(
@@ -270,4 +270,4 @@ def bake(
                 atlas=atlas,
             )
     images = {name: each if each.ndim == 3 else each[..., None] for name, each in found.items()}
-    return Baked(images, tuple(atlas.report.sentences()))
+    return Baked(images, tuple(atlas.report.sentences(made=True)))

@@ -10,6 +10,14 @@ from .. import data
 from ..data.skipped import Refused
 from .base import can_run
 
+BUTTON = "shock_filter_link_button"
+"""Name of the context pointer by which the button that a panel draws is known.
+
+Scripts name an image, and need none that waits.
+"""
+
+_NONE = "No generated image waits in the material; press Generate first."
+
 
 class SHOCK_FILTER_OT_link_map(bpy.types.Operator):
     """Link a generated image to the shader of its material"""
@@ -40,9 +48,11 @@ class SHOCK_FILTER_OT_link_map(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Return whether there are mesh objects, and no run."""
-        chosen = data.chosen.mesh_objects(context)
-        return can_run(cls, "" if chosen else "Select a mesh object.")
+        """Return whether there are mesh objects, and no run; for the button: an image that waits."""
+        obstacle = "" if data.chosen.mesh_objects(context) else "Select a mesh object."
+        if not obstacle and hasattr(context, BUTTON) and not is_waiting(context):
+            obstacle = _NONE
+        return can_run(cls, obstacle)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Link it, and say where."""
@@ -60,7 +70,7 @@ class SHOCK_FILTER_OT_link_map(bpy.types.Operator):
         if not self.image:
             image = data.image.linking.waiting(context)
             if image is None:
-                raise Refused("No generated image waits in the material; press Generate first.")
+                raise Refused(_NONE)
             self.image = image.name  # redo finds it linked
             return image
         image = bpy.data.images.get(self.image)

@@ -328,9 +328,16 @@ def _draw_buttons(
     if mode.targets[0].row.takes_gain and context.space_data.type == "VIEW_3D":
         column.operator("shock_filter.paint_gain", depress=painting.is_running())
     if mode.key == "generate":
-        link = column.row()
-        link.enabled = linking.is_waiting(context) and jobs.current() is None
-        link.operator_menu_enum("shock_filter.link_map", "into")
+        _draw_link(column.row(), context)
+
+
+def _draw_link(row: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the choice of what an image is linked to, or a button whose tooltip says why not."""
+    if linking.is_waiting(context) and jobs.current() is None:
+        row.operator_menu_enum("shock_filter.link_map", "into")
+    else:
+        row.context_pointer_set(linking.BUTTON, context.scene)
+        row.operator("shock_filter.link_map")
 
 
 def _draw_creases(layout: bpy.types.UILayout, context: bpy.types.Context, enabled: bool) -> None:

@@ -174,6 +174,17 @@ def test_objects_are_found_again_whatever_their_names(low, select):
     assert "Skipped Gone: it was removed meanwhile." in operators.summaries["generate"]
 
 
+def test_objects_that_share_a_map_are_not_called_filtered(low, select):
+    other = grid("Other", 1)
+    other.location.x = 3
+    bpy.context.view_layer.update()
+    select(low, other)
+    assert bake(maps={"curvature"}) == {"FINISHED"}
+    said = operators.summaries["generate"]
+    assert "4 faces overlap in the texture, which holds the values of the first." in said
+    assert "filtered" not in said
+
+
 def test_what_is_missing_is_said(low):
     with pytest.raises(RuntimeError, match="last the one that gets the maps"):
         bake(from_selected=True)

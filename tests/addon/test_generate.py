@@ -342,6 +342,25 @@ def test_link_puts_it_into_the_shader(textured, over_view, into, socket):
     assert "not linked yet" not in operators.summaries["generate"]
 
 
+def test_the_button_link_says_why_it_is_gray(textured):
+    """In the panel; scripts may link an image by its name at any time."""
+
+    def in_panel():
+        with bpy.context.temp_override(**{linking.BUTTON: bpy.context.scene}):
+            return link_map.poll()
+
+    assert link_map.poll() and not in_panel()
+    with (
+        bpy.context.temp_override(**{linking.BUTTON: bpy.context.scene}),
+        pytest.raises(RuntimeError, match="press Generate first"),
+    ):
+        link_map()
+    generate(source="border", image_size=str(SIZE))
+    assert in_panel()
+    link_map(into="COLOR")
+    assert link_map.poll() and not in_panel()
+
+
 @pytest.mark.parametrize("is_linked", [True, False])
 def test_link_mixes_by_it(textured, is_linked):
     shader = textured.active_material.node_tree.nodes["Principled BSDF"]
