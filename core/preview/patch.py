@@ -180,10 +180,7 @@ def _border(triangles: npt.NDArray) -> npt.NDArray:
 
 
 def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[Any], Any]]:
-    """Return the part with these triangles, and the function that converts its result.
-
-    Edges of creases are not wanted in the part: previews mark none.
-    """
+    """Return the part with these triangles, and the function that converts its result."""
     if isinstance(surface, PaintedSurface):
         shape, whole_shape = _cut(surface.shape, inside)
         paint, whole_paint = _cut(surface.paint, inside)
@@ -205,9 +202,9 @@ def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[An
     if isinstance(part, MirroredSurface):
         edges = None if surface.edges is None else index[surface.edges]
         edges = None if edges is None else edges[(edges >= 0).all(axis=1)]
-        part = replace(part, edges=edges, sharp_angle=None)
+        part = replace(part, edges=edges)
     if not isinstance(part, ColoredSurface):
-        return part, lambda result: _spread(result, "positions", surface.positions, vertices)
+        return part, lambda result: _spread_shape(result, surface.positions, vertices)
     colored = vertices
     if surface.corners is not None:
         colored, corners = np.unique(surface.corners[inside], return_inverse=True)
@@ -215,6 +212,15 @@ def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[An
         part = replace(part, corners=corners.reshape(-1, 3).astype(np.int32), free=free)
     part = replace(part, colors=surface.colors[colored])
     return part, lambda result: _spread(result, "colors", surface.colors, colored)
+
+
+def _spread_shape(result: Any, old: npt.NDArray, vertices: npt.NDArray) -> Any:
+    # Outside of the part there are no creases.
+    if result.creases is not None:
+        places = np.full(len(old), -1, dtype=result.creases.places.dtype)
+        places[vertices] = result.creases.places
+        result = replace(result, creases=replace(result.creases, places=places))
+    return _spread(result, "positions", old, vertices)
 
 
 def _spread(result: Any, name: str, old: npt.NDArray, places: npt.NDArray) -> Any:

@@ -365,7 +365,7 @@ def test_a_preview_shows_its_result_without_the_live_one(rounded_box):
     settings.output = "LIVE"
     targets, _ = meshes.read_active(bpy.context, geometry.read_geometry, settings)
     original = Original(box.data, None)
-    show(targets[0], original, SimpleNamespace(positions=after))
+    show(targets[0], original, SimpleNamespace(positions=after, creases=None))
     np.testing.assert_array_equal(seen(box), after)
     original.restore()
     np.testing.assert_array_equal(seen(box), live_result)

@@ -25,6 +25,7 @@ from shock_filter.core.settings import (
 )
 from shock_filter.shock_addon.data.mesh.geometry import read_geometry
 from shock_filter.shock_addon.data.mesh.meshes import read_active, read_positions, write_positions
+from shock_filter.shock_addon.data.mesh.shading import read_marks
 from shock_filter.shock_addon.data.skipped import Skipped
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.preview import meshes as preview_meshes
@@ -70,6 +71,7 @@ def stored(obj):
         attribute.data.foreach_get("color_srgb", flat)
         found.append(flat.tobytes())
     found.append(sorted(attribute.name for attribute in mesh.attributes))
+    found.append((mesh.attributes.active_index, read_marks(mesh).tobytes()))
     return found
 
 
@@ -86,14 +88,52 @@ def test_what_is_shown_is_what_the_operator_makes(rounded_box):
     running.drag(-100)
     running.roll(2)
     settle(running)
-    shown = read_positions(box.data)
+    shown, marks = read_positions(box.data), read_marks(box.data)
     assert running.parameters.amount == 0.75
     assert running.parameters.widest_fillet == pytest.approx(2.4)
     running.end()
     assert stored(box) == before
     bpy.ops.shock_filter.sharpen_geometry(amount=0.75, widest_fillet=2.4)
     np.testing.assert_array_equal(read_positions(box.data), shown)
+    np.testing.assert_array_equal(read_marks(box.data), marks)
     assert shown.tobytes() != before[0]
+    assert marks.any()
+
+
+@pytest.mark.parametrize("size", [None, 400])
+def test_creases_are_marked_meanwhile_and_marks_come_back(rounded_box, size):
+    """Those that were there, and one that a script takes away meanwhile, which ends it."""
+    box = rounded_box(cuts=20)
+    box.data.edges[0].use_edge_sharp = box.data.edges[5].use_edge_sharp = True
+    before = stored(box)
+    running = begun("geometry", size)
+    settle(running)
+    marks = read_marks(box.data)
+    assert marks[[0, 5]].all() and marks.sum() > 20
+    moved = (read_positions(box.data) != np.frombuffer(before[0], np.float32).reshape(-1, 3)).any(1)
+    new = [edge for edge in box.data.edges if marks[edge.index] and edge.index not in (0, 5)]
+    assert np.mean([moved[list(edge.vertices)].any() for edge in new]) > 0.9
+    running.end()
+    assert stored(box) == before
+    running = begun("geometry", size)
+    settle(running)
+    box.data.edges[5].use_edge_sharp = False
+    running.drag(-100)
+    with pytest.raises(Skipped):
+        settle(running)
+    running.end()
+    marks = read_marks(box.data)
+    assert marks[0] and marks.sum() == 1
+
+
+@pytest.mark.parametrize(("name", "value"), [("mark_sharp", False), ("output", "SHAPE_KEY")])
+def test_nothing_is_marked_where_the_button_marks_nothing(rounded_box, name, value):
+    box = rounded_box()
+    setattr(bpy.context.scene.shock_filter.geometry, name, value)
+    running = begun("geometry")
+    settle(running)
+    assert not read_marks(box.data).any()
+    running.end()
 
 
 def test_the_wheel_turns_the_bump_size_of_denoising(rounded_box):

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ....core.host.inputs import ColoredSurface, MirroredSurface, PaintedSurface
 from .. import DIFFERENCE, MOVE, arrays
-from . import shape_keys
+from . import shading, shape_keys
 from .colors import write_colors
 from .geometry import write_geometry
 from .painted import split
@@ -30,7 +30,7 @@ _LIVE: _Part = ("movement", "")
 
 
 class Original:
-    """The positions, shape keys and colors of a mesh, to bring them back bit for bit.
+    """The positions, shape keys, colors and sharp edges of a mesh, to bring them back bit for bit.
 
     Parameters
     ----------
@@ -49,18 +49,22 @@ class Original:
         self._mesh = mesh.session_uid
         self._attribute = attribute
         self._shown = self._old = self._read(mesh)
+        self._shown_marks = self._old_marks = shading.read_marks(mesh)
+        self._has_marks = shading.MARKS in mesh.attributes
         self.keys = {name: values for (kind, name), values in self._old.items() if kind == _KEY}
 
     def note_shown(self) -> None:
         """Take what the mesh holds now as shown by the preview."""
         mesh = self._find()
         if mesh is not None:
-            self._shown = self._read(mesh)
+            self._shown, self._shown_marks = self._read(mesh), shading.read_marks(mesh)
 
     def check_shown(self) -> None:
         """Raise `Skipped` if something else has changed what is shown."""
         mesh = self._find()
         arrays.check_same_parts({} if mesh is None else self._read(mesh), self._shown)
+        if mesh is not None:
+            arrays.check_same(shading.read_marks(mesh), self._shown_marks)
 
     def restore(self) -> None:
         """Bring all of it back, as far as it still fits; what something else has changed stays."""
@@ -77,8 +81,16 @@ class Original:
             arrays.write(*place[:2], old if follows else np.where(stays, values, old))
         if mesh.shape_keys is not None:
             mesh.shape_keys.update_tag()
+        self._restore_marks(mesh)
         mesh.update()
-        self._shown = self._read(mesh)
+        self._shown, self._shown_marks = self._read(mesh), shading.read_marks(mesh)
+
+    def _restore_marks(self, mesh: bpy.types.Mesh) -> None:
+        marks = shading.read_marks(mesh)
+        if marks.shape != self._old_marks.shape or (marks == self._old_marks).all():
+            return
+        stays = marks != self._shown_marks
+        shading.set_marks(mesh, np.where(stays, marks, self._old_marks), self._has_marks)
 
     def _find(self) -> bpy.types.Mesh | None:
         return next((mesh for mesh in bpy.data.meshes if mesh.session_uid == self._mesh), None)
@@ -148,7 +160,9 @@ def _show_shape(target: MeshTarget, original: Original, result: Reshaped) -> Non
     if move is not None:  # a live result would come on top
         arrays.write_attribute(move, np.zeros((len(mesh.vertices), 3), dtype=np.float32))
     if target.place.output in {"MESH", "AUTO"} or keys is None:
-        place = replace(target.place, output="MESH", custom_normals="KEEP", sharp_angle=None)
+        place = replace(target.place, output="MESH", custom_normals="KEEP")
+        if target.place.output == "SHAPE_KEY":  # a new key marks nothing
+            place = replace(place, sharp_angle=None)
         write_geometry(replace(target, place=place), result)
         return
     # All keys move along, so that their mix, which is seen, moves as a new key would move it.

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from ....core.host.geometry import Reshaped
 
 
+MARKS = "sharp_edge"
+"""Name of the attribute of edges that are marked as sharp."""
+
+
 def edges_to_mark(
     mesh: bpy.types.Mesh,
     result: Reshaped,
@@ -47,8 +51,22 @@ def edges_to_mark(
 def mark(mesh: bpy.types.Mesh, sharp: npt.NDArray[np.bool_]) -> None:
     """Mark edges (e,) as sharp; marks that are there stay."""
     if sharp.any():
-        marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
-        arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
+        set_marks(mesh, read_marks(mesh) | sharp, is_kept=True)
+
+
+def read_marks(mesh: bpy.types.Mesh) -> npt.NDArray[np.bool_]:
+    """Tell which edges are marked as sharp: (e,)."""
+    marks = arrays.find_attribute(mesh, MARKS, "BOOLEAN", "EDGE")
+    return np.zeros(len(mesh.edges), dtype=bool) if marks is None else arrays.read_attribute(marks)
+
+
+def set_marks(mesh: bpy.types.Mesh, sharp: npt.NDArray[np.bool_], is_kept: bool) -> None:
+    """Mark these edges (e,) as sharp and no others; if there are none, the attribute may go."""
+    if is_kept or sharp.any():
+        marks = arrays.find_or_add_attribute(mesh, MARKS, "BOOLEAN", "EDGE")
+        arrays.write_attribute(marks, sharp)
+    elif MARKS in mesh.attributes:
+        mesh.attributes.remove(mesh.attributes[MARKS])
 
 
 def _steep_edges(
@@ -84,8 +102,7 @@ def is_flat(mesh: bpy.types.Mesh) -> bool:
 
 def count_marks(mesh: bpy.types.Mesh) -> int:
     """Count the edges that are marked as sharp."""
-    marks = arrays.find_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
-    return 0 if marks is None else int(arrays.read_attribute(marks).sum())
+    return int(read_marks(mesh).sum())
 
 
 def clear_normals(obj: bpy.types.Object) -> None:
