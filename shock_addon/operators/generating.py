@@ -16,6 +16,9 @@ from ..modes import Mode, find
 from . import poll as obstacles
 from .base import Done, FilterOperator, Task, Written, counted, write_results
 
+MAPS = "maps"
+"""Key of the reports of Bake Maps, which has a panel of its own."""
+
 _SIZES = [(str(1 << n), f"{1 << n}", f"{1 << n} x {1 << n} pixels") for n in range(8, 14)]
 
 
@@ -189,8 +192,13 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
 
     @property
     def row(self) -> Mode:
-        """The mode in whose panel it is."""
+        """The mode whose settings it shares."""
         return find("generate")
+
+    @property
+    def key(self) -> str:
+        """Return the key of its reports."""
+        return MAPS
 
     def read_settings(self) -> Any:
         """Read the settings of the core."""

@@ -48,7 +48,7 @@ class SHOCK_FILTER_OT_link_map(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Return whether there are mesh objects, and no run; for the button: an image that waits."""
+        """Return whether there are mesh objects and no run; for the button, one that waits."""
         obstacle = "" if data.chosen.mesh_objects(context) else "Select a mesh object."
         if not obstacle and hasattr(context, BUTTON) and not is_waiting(context):
             obstacle = _NONE

@@ -17,6 +17,7 @@ from ..operators import base as operators
 from ..operators import comparing, drawing, linking, statistics
 from ..operators import poll as obstacles
 from ..operators.filtering import operator_of
+from ..operators.generating import MAPS
 from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
 from ..preview import painting
@@ -58,25 +59,30 @@ def draw_own(panel: Panel, context: bpy.types.Context) -> None:
     if panel.choice == "mode":
         _draw_choices(layout, context, settings, "target")
     _draw_buttons(layout, context, mode, enabled=not obstacle)
+    _draw_report(layout, context, mode, settings, obstacle)
     _draw_settings(panel, context, mode, settings)
     drawing.draw_sections(layout, context, settings, mode)
-    _draw_report(layout, context, mode, settings, obstacle)
 
 
 def draw_maps(panel: Panel, context: bpy.types.Context) -> None:
-    """Draw the buttons that bake several maps in one run."""
+    """Draw the buttons that bake several maps in one run, and what was baked last."""
     settings = panel.settings(context)
+    obstacle = obstacles.of_unwrapped(context)
     layout = panel.layout
     layout.use_property_split = True
     layout.prop(settings, "image_size")
+    if jobs.current() is not None:
+        _draw_progress(layout.column())
+        return
     column = layout.column()
-    column.enabled = jobs.current() is None
+    column.enabled = not obstacle
     column.scale_y = 1.2
     for from_selected, text in ((False, "Bake All"), (True, "Selected to Active")):
         row = column.row()
         row.enabled = not from_selected or len(data.chosen.mesh_objects(context)) > 1
         button = row.operator("shock_filter.bake_maps", text=iface_(text), translate=False)
         button.from_selected, button.image_size = from_selected, settings.image_size
+    _draw_report(layout, context, panel.mode(context), settings, obstacle, MAPS)
 
 
 def draw_flow(
@@ -111,8 +117,9 @@ def _draw_report(
     mode: Mode,
     settings: bpy.types.PropertyGroup,
     obstacle: str,
+    key: str = "",
 ) -> None:
-    """Draw why nothing can be done, or what was done last."""
+    """Draw why nothing can be done, or what was done last; the key is that of the mode if empty."""
     if jobs.current() is not None:
         return
     # Else Blender draws the first line as the bar that was there, until the mouse moves.
@@ -125,15 +132,15 @@ def _draw_report(
         draw_text(layout, context, announced, icon="INFO")
     if before := comparing.note(context):
         draw_text(layout, context, before, icon="ERROR")
-    elif summary := operators.summary_of(context, mode.group):
+    elif summary := operators.summary_of(context, key or mode.group):
         draw_text(layout, context, summary)
-        _draw_details(layout, context, mode)
+        _draw_details(layout, context, key or mode.group)
 
 
-def _draw_details(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
+def _draw_details(layout: bpy.types.UILayout, context: bpy.types.Context, key: str) -> None:
     """Draw what few need of the last report, folded."""
-    if details := operators.details_of(context, mode.group):
-        header, body = layout.panel(f"SHOCK_FILTER_{mode.key}_details", default_closed=True)
+    if details := operators.details_of(context, key):
+        header, body = layout.panel(f"SHOCK_FILTER_{key}_details", default_closed=True)
         header.label(text="Details")
         if body:
             draw_text(body, context, details)

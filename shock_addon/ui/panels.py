@@ -61,8 +61,7 @@ class SHOCK_FILTER_PT_generate(_OwnPanel, Panel, bpy.types.Panel):
 class SHOCK_FILTER_PT_maps(Panel, bpy.types.Panel):
     """Several maps of the shape in one run."""
 
-    bl_label = "Maps"
-    bl_parent_id = "SHOCK_FILTER_PT_generate"
+    bl_label = "Bake Maps"
     bl_options = {"DEFAULT_CLOSED"}
     own = "generate"
 

@@ -50,7 +50,7 @@ def test_all_maps_of_an_object_have_names_that_others_know(low):
     nodes = low.active_material.node_tree.nodes
     assert {node.image.name for node in nodes if node.type == "TEX_IMAGE"} == names
     assert not nodes["Principled BSDF"].inputs["Base Color"].is_linked
-    assert operators.summaries["generate"].startswith("Baked 3 maps of Low, ")
+    assert operators.summaries["maps"].startswith("Baked 3 maps of Low, ")
 
 
 def test_a_detailed_object_comes_onto_the_active_one(low, select):
@@ -115,8 +115,8 @@ def test_modifiers_of_the_detailed_object_are_read(low, select):
     select(low, high)
     assert bake(from_selected=True, cage=0.2, maps={"displacement"}) == {"FINISHED"}
     assert np.allclose(read("Low_height"), 0.5 + 0.5 * 0.1 / 0.2, atol=0.01)
-    assert "white is 20 cm above" in operators.details["generate"]
-    assert "white" not in operators.summaries["generate"]
+    assert "white is 20 cm above" in operators.details["maps"]
+    assert "white" not in operators.summaries["maps"]
     lift.show_viewport = False
     assert bake(from_selected=True, cage=0.2, maps={"displacement"}) == {"FINISHED"}
     assert np.allclose(read("Low_height.001"), 0.5, atol=0.01)
@@ -128,7 +128,7 @@ def test_a_cage_that_is_too_small_is_said(low, select):
     bpy.context.view_layer.update()
     select(low, high)
     assert bake(from_selected=True, cage=0.1, maps={"normals"}) == {"FINISHED"}
-    assert "within 10 cm; raise Cage to about 21 cm." in operators.summaries["generate"]
+    assert "within 10 cm; raise Cage to about 21 cm." in operators.summaries["maps"]
 
 
 def test_the_report_is_short_and_no_warning(low, select, monkeypatch):
@@ -143,10 +143,10 @@ def test_the_report_is_short_and_no_warning(low, select, monkeypatch):
     )
     assert bake(from_selected=True, cage=0.5) == {"FINISHED"}
     assert kinds == ["INFO"]
-    said = operators.summaries["generate"]
+    said = operators.summaries["maps"]
     assert len(said) < 120 and "\n" not in said
     assert "Low had no material" in said
-    folded = operators.details_of(bpy.context, "generate")
+    folded = operators.details_of(bpy.context, "maps")
     assert "white is 50 cm above" in folded and " m" in folded.split("radius of")[1]
 
 
@@ -171,7 +171,7 @@ def test_objects_are_found_again_whatever_their_names(low, select):
     nodes = low.active_material.node_tree.nodes
     assert [node.image.name for node in nodes if node.type == "TEX_IMAGE"] == ["Low_curvature"]
     assert bpy.data.objects["Low"].active_material is None
-    assert "Skipped Gone: it was removed meanwhile." in operators.summaries["generate"]
+    assert "Skipped Gone: it was removed meanwhile." in operators.summaries["maps"]
 
 
 def test_objects_that_share_a_map_are_not_called_filtered(low, select):
@@ -180,7 +180,7 @@ def test_objects_that_share_a_map_are_not_called_filtered(low, select):
     bpy.context.view_layer.update()
     select(low, other)
     assert bake(maps={"curvature"}) == {"FINISHED"}
-    said = operators.summaries["generate"]
+    said = operators.summaries["maps"]
     assert "4 faces overlap in the texture, which holds the values of the first." in said
     assert "filtered" not in said
 

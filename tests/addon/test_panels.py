@@ -612,6 +612,40 @@ def test_link_is_offered_while_a_generated_image_waits(rounded_box, monkeypatch)
         assert is_plain == (not waiting)
 
 
+def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypatch):
+    """What is folded of a report is behind a header; a run's bar stands in place of the buttons."""
+    cls = panels.SHOCK_FILTER_PT_maps
+    assert not getattr(cls, "bl_parent_id", "") and "DEFAULT_CLOSED" in cls.bl_options
+    rounded_box()
+    bpy.context.object.data.uv_layers.new()
+    monkeypatch.setattr(operators, "summary_of", lambda _, key: f"Report of {key}.")
+    monkeypatch.setattr(operators, "details_of", lambda _, key: f"Folded of {key}.")
+    drawn = draw(cls)
+    assert words(drawn, "operator") == ["Bake All", "Selected to Active"]
+    said = words(drawn, "label")
+    assert "Report of maps." in said and "Details" in said and "Folded of maps." not in said
+    unfolded = Layout()
+    monkeypatch.setattr(Layout, "unfolds", True)
+    assert "Folded of maps." in words(draw(cls, layout=unfolded), "label")
+    monkeypatch.setattr(
+        jobs, "current", lambda: SimpleNamespace(fraction=0.5, message="Baking maps")
+    )
+    assert "Bake All" not in words(draw(cls), "operator")
+
+
+def test_the_report_of_generate_is_below_its_button_not_below_its_settings(
+    rounded_box, monkeypatch
+):
+    rounded_box()
+    bpy.context.object.data.uv_layers.new()
+    monkeypatch.setattr(operators, "summary_of", lambda _, key: f"Report of {key}.")
+    drawn = draw(panels.SHOCK_FILTER_PT_generate)
+    report = drawn.index(("label", "Report of generate."))
+    button = drawn.index(("operator", ("shock_filter.generate",)))
+    settings = min(n for n, (name, _) in enumerate(drawn) if name == "prop")
+    assert button < report < settings
+
+
 def test_the_image_editor_says_why_nothing_can_be_run(monkeypatch):
     monkeypatch.setattr(operators, "summaries", {})
     main = panels.SHOCK_FILTER_PT_image_main

@@ -58,7 +58,7 @@ def test_edges_in_a_patch_are_those_of_its_vertices():
     ends = whole.triangles[:, [0, 1]]
     whole = replace(whole, edges=ends, sharp_angle=30.0)
     patch = patch_around(whole, (CELLS + 1) * CELLS // 2, 400)
-    assert patch.surface.sharp_angle is None
+    assert patch.surface.sharp_angle == 30.0
     chosen = np.flatnonzero(np.isin(whole.positions, patch.surface.positions).all(axis=1))
     wanted = ends[np.isin(ends, chosen).all(axis=1)]
     assert 0 < len(wanted) < len(ends)

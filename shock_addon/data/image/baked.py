@@ -122,9 +122,7 @@ def write(
     return made
 
 
-def show(
-    target: BakeTarget, made: dict[str, bpy.types.Image]
-) -> tuple[list[str], list[str]]:
+def show(target: BakeTarget, made: dict[str, bpy.types.Image]) -> tuple[list[str], list[str]]:
     """Put maps into the active materials of objects: normals and colors linked, others not.
 
     Returns

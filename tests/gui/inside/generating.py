@@ -31,7 +31,7 @@ from seeing import middle, running_preview
 PREVIEW = 1
 """Number of its button in the panel, from the top."""
 
-GENERATE = -2
+GENERATE = -3
 """Number of its panel in the tab, from the bottom."""
 
 LIMIT = 60.0

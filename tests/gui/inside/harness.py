@@ -118,15 +118,6 @@ def click_header(number: int, kind: str = "VIEW_3D") -> Steps:
     yield 2 * DRAWN  # it opens slowly
 
 
-def click_last_within(number: int, kind: str = "VIEW_3D") -> Steps:
-    """Click on the header of the last panel within the one above a header, both drawn plainly."""
-    places = yield from headers(kind)
-    left, bottom, right, top = places[number]
-    yield from click((left, top + 4, right, 2 * top - bottom))
-    yield from park(kind)
-    yield 2 * DRAWN
-
-
 def headers(kind: str = "VIEW_3D") -> Iterator[float]:
     """Find the headers of the tab's panels; the generator returns their rectangles."""
     found = panel_headers(kind)

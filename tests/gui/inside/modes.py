@@ -31,7 +31,7 @@ MESH_MODES = {
     "geometry": "sharpen_geometry",
     "colors": "sharpen_colors",
 }
-GENERATE = -2
+GENERATE = -3
 """Number of its panel in the tab, from the bottom."""
 
 IMAGE_MODES = {

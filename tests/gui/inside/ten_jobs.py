@@ -180,7 +180,7 @@ def edges(seen: dict) -> Steps:
     yield from open_tab()
     seen["editor"] = "VIEW_3D"
     seen["clicks"] += 2  # one closes the first panel, below which this one lies
-    yield from open_own_panel(-2)
+    yield from open_own_panel(-3)
     places = yield from buttons()
     yield from clicked(seen, tallest(places))
     yield from park()
