@@ -120,8 +120,6 @@ class Kernel:
     ----------
     function : callable
         Its source, for numba.
-    fastmath : set of str or bool
-        What numba's compiler may do to floating point operations.
 
     Raises
     ------
@@ -129,10 +127,9 @@ class Kernel:
         When called with types that the library lacks, if numba is not installed.
     """
 
-    def __init__(self, function: Callable[..., Any], fastmath: Any) -> None:
+    def __init__(self, function: Callable[..., Any]) -> None:
         functools.update_wrapper(self, function)
         self.py_func = function
-        self.fastmath = fastmath
         self.name = name_of(function)
         self._calls: dict[Any, _Call] = {}
 
@@ -156,7 +153,7 @@ class Kernel:
         from .kernel_cache import compile_kernel, let_numba_call
 
         let_numba_call(Kernel)
-        return compile_kernel(self.py_func, self.fastmath, keep="NUMBA_CACHE_DIR" in os.environ)
+        return compile_kernel(self.py_func, keep="NUMBA_CACHE_DIR" in os.environ)
 
     def _resolve(self, types: tuple[Any, ...], arguments: tuple[Any, ...]) -> _Call:
         call: Any = self._by_library(arguments) or self._by_numba()

@@ -100,9 +100,9 @@ class KernelCache(FunctionCache):
             log.warning("Compiled code cannot be kept in %s (%s).", self.cache_path, error)
 
 
-def compile_kernel(function: Callable[..., Any], fastmath: Any, keep: bool = True) -> Any:
+def compile_kernel(function: Callable[..., Any], keep: bool = True) -> Any:
     """Return numba's dispatcher of a kernel; `keep` its code on disk."""
-    kernel = njit(nogil=True, error_model="numpy", fastmath=fastmath)(function)
+    kernel = njit(nogil=True, error_model="numpy")(function)
     return keep_on_disk(kernel) if keep else kernel
 
 

@@ -27,20 +27,11 @@ LARGEST_CHUNK = 1 << 15
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Make a kernel of a function: releases the GIL, and divides like numpy."""
-    return _kernel(function, False)
-
-
-def sum_kernel(function: Callable[..., Any]) -> Any:
-    """Make a kernel that sums long arrays: the compiler may reorder the additions."""
-    return _kernel(function, {"reassoc", "contract"})
-
-
-def _kernel(function: Callable[..., Any], fastmath: Any) -> Any:
     if library() is not None:
-        return Kernel(function, fastmath)
+        return Kernel(function)
     from .kernel_cache import compile_kernel
 
-    return compile_kernel(function, fastmath)
+    return compile_kernel(function)
 
 
 most_threads: int | None = None

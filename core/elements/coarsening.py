@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas.sheet import ROWS
-from ..base.parallel import kernel, run, sum_kernel
+from ..base.parallel import kernel, run
 from ..base.progress import ask
 from ..mesh.triangle_mesh import Floats, Ints
 from ..sparse.matrix import (
@@ -376,7 +376,7 @@ def restrict(start, stop, stencil, screen, runs, b, x, coarse):
         above, below = below, above
 
 
-@sum_kernel
+@kernel
 def _subtract_row(y, stencil, screen, runs, b, x, out):
     # The residual of a row's regular nodes in all channels; see `multiply_row`.
     columns = stencil.shape[2]
@@ -407,7 +407,7 @@ def _subtract_row(y, stencil, screen, runs, b, x, out):
                 row[u] = total - e[u] * (lower[u + 1] - value) - f[u] * (lower[u + 2] - value)
 
 
-@sum_kernel
+@kernel
 def prolong(start, stop, runs, coarse, fine, columns):
     """Prolongate the coarse solution and add it to the regular nodes of some rows: (c, n)."""
     coarse_columns = columns // 2 + 1

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from ..atlas.atlas import TextureAtlas
 from ..atlas.sheet import NOTHING, ROWS, faces_by_rows, span
 from ..base.checks import Floats
-from ..base.parallel import kernel, run, sum_kernel
+from ..base.parallel import kernel, run
 from ..base.progress import aside, ask
 from ..base.vectors import after
 from ..mesh.triangle_mesh import Ints
@@ -555,7 +555,7 @@ def _subtract_means(start, stop, parts, means, values, out):
             out[i, c] = values[i, c] - mean
 
 
-@sum_kernel
+@kernel
 def _apply_stiffness(start, stop, cells, weights, values, out):
     # Writes the sums at nodes of rows start .. stop - 1. Channels are separated row by row, so
     # that the loops along rows become vector instructions.
@@ -606,7 +606,7 @@ def _apply_stiffness(start, stop, cells, weights, values, out):
             _put_row(sums, y, out)
 
 
-@sum_kernel
+@kernel
 def _take_row(values, y, out):
     columns = out.shape[1]
     for j in range(out.shape[0]):
@@ -616,7 +616,7 @@ def _take_row(values, y, out):
             row[x] = part[x]
 
 
-@sum_kernel
+@kernel
 def _put_row(sums, y, out):
     columns = sums.shape[1]
     for j in range(sums.shape[0]):
@@ -626,7 +626,7 @@ def _put_row(sums, y, out):
             part[x] = row[x]
 
 
-@sum_kernel
+@kernel
 def _add_behind(values, out):
     # The contributions of cells to the nodes on their right.
     row = out[1:]

@@ -20,10 +20,11 @@ import numpy as np
 
 from ..atlas.sheet import ROWS
 from ..base.checks import Floats
-from ..base.parallel import beside, kernel, run, sum_kernel
+from ..base.parallel import beside, kernel, run
 from ..base.progress import aside, phase
 from ..errors import SolverError
 from ..linear.cg import SolveReport
+from ..linear.sums import sum_by_halves
 from ..mesh.triangle_mesh import Ints
 from .coarsening import coarsened, prolong, restrict
 from .seam_block import SeamBlock
@@ -338,7 +339,7 @@ def _spans_of(inverse: Singles) -> _Spans:
     return _Spans(start, ranges, np.zeros(blocks))
 
 
-@sum_kernel
+@kernel
 def _sweep_down(start, stop, runs, stencil, inverse, b, x):
     # Gauss-Seidel from zero: the even row of each pair, then the odd row before it, while both are
     # in the cache; the last odd row is left to `_sweep_between`.
@@ -367,7 +368,7 @@ def _sweep_down(start, stop, runs, stencil, inverse, b, x):
             _relax_row(y - 1, False, runs, stencil, inverse, b, x, rest, pull)
 
 
-@sum_kernel
+@kernel
 def _sweep_up(start, stop, runs, stencil, inverse, b, x):
     # The reverse: the odd row of each pair, then the even one; the first even row is left.
     columns = stencil.shape[2]
@@ -380,7 +381,7 @@ def _sweep_up(start, stop, runs, stencil, inverse, b, x):
             _relax_row(2 * pair, True, runs, stencil, inverse, b, x, rest, pull)
 
 
-@sum_kernel
+@kernel
 def _sweep_between(start, stop, chunk, backward, runs, stencil, inverse, b, x):
     # The rows that the sweeps over chunks of pairs have left.
     columns = stencil.shape[2]
@@ -394,7 +395,7 @@ def _sweep_between(start, stop, chunk, backward, runs, stencil, inverse, b, x):
             _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull)
 
 
-@sum_kernel
+@kernel
 def _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull):
     # First all neighbours but the previous node, then that node by a recurrence; `rest` and `pull`
     # are working memory.
@@ -429,7 +430,7 @@ def _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull):
         _recur(rest, pull[:n], x, i, backward)
 
 
-@sum_kernel
+@kernel
 def _recur(rest, pull, x, i, backward):
     # Nodes of a run from number i on, each from the previous one. Each waits for the last result:
     # three channels side by side take no longer than one.
@@ -522,37 +523,47 @@ def _subtract_from(start, stop, spans, inverse, rhs, product):
                 row[i] = part[i] - row[i] if inverse[first + i] > 0 else np.float32(0)
 
 
-@sum_kernel
+@kernel
 def _add_squares(start, stop, spans, solution, inverse, values, sums):
+    memory = np.empty(_BLOCK)
     for block in range(start, stop):
-        total = 0.0
+        count = 0
         for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
             scale = inverse[first:last]
+            squares = memory[count : count + last - first]
+            count += last - first
+            squares[:] = 0
             for j in range(values.shape[0]):
                 row = values[j, first:last]
                 for i in range(len(row)):
-                    square = np.float64(row[i]) * row[i]
-                    if not solution:
-                        total += square * scale[i]
-                    elif scale[i] > 0:
-                        total += square / scale[i]
-        sums[block] = total
+                    squares[i] += np.float64(row[i]) * row[i]
+            if not solution:
+                for i in range(len(squares)):
+                    squares[i] *= scale[i]
+            else:
+                for i in range(len(squares)):
+                    squares[i] = squares[i] / scale[i] if scale[i] > 0 else 0.0
+        sums[block] = sum_by_halves(memory[:count])
 
 
-@sum_kernel
+@kernel
 def _add_products(start, stop, spans, u, v, sums):
+    memory = np.empty(_BLOCK)
     for block in range(start, stop):
-        total = 0.0
+        count = 0
         for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            products = memory[count : count + last - first]
+            count += last - first
+            products[:] = 0
             for j in range(len(u)):
                 one = u[j, first:last]
                 other = v[j, first:last]
                 for i in range(len(one)):
-                    total += np.float64(one[i]) * other[i]
-        sums[block] = total
+                    products[i] += np.float64(one[i]) * other[i]
+        sums[block] = sum_by_halves(memory[:count])
 
 
-@sum_kernel
+@kernel
 def _update_direction(start, stop, spans, beta, z, p):
     for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
         for j in range(len(p)):
@@ -565,13 +576,17 @@ def _update_direction(start, stop, spans, beta, z, p):
                 row[i] = one[i] + beta * row[i]
 
 
-@sum_kernel
+@kernel
 def _step(start, stop, spans, alpha, inverse, p, q, x, r, sums):
     # Moves along the direction p; sums the squares of the new residual.
+    memory = np.empty(_BLOCK)
     for block in range(start, stop):
-        total = 0.0
+        count = 0
         for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
             scale = inverse[first:last]
+            squares = memory[count : count + last - first]
+            count += last - first
+            squares[:] = 0
             for j in range(len(p)):
                 direction, change = p[j, first:last], q[j, first:last]
                 solution, residual = x[first:last, j], r[j, first:last]
@@ -579,5 +594,5 @@ def _step(start, stop, spans, alpha, inverse, p, q, x, r, sums):
                     solution[i] += alpha * direction[i]
                     value = residual[i] - alpha * change[i]
                     residual[i] = value
-                    total += np.float64(value) * value * scale[i]
-        sums[block] = total
+                    squares[i] += np.float64(value) * value * scale[i]
+        sums[block] = sum_by_halves(memory[:count])

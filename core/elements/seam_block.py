@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.checks import Floats
-from ..base.parallel import kernel, run, sum_kernel
+from ..base.parallel import kernel, run
 from ..linear.multigrid import Multigrid
 from ..mesh.triangle_mesh import Ints
 from ..sparse.factors import Factors, factored
@@ -98,7 +98,7 @@ def _subtract_regular(start, stop, rows, place, b, x, y, channels):
             y[place[p], j] = total[j]
 
 
-@sum_kernel
+@kernel
 def _substitute(start, below, values, diagonal, y, channels):
     # L is stored by columns, without its diagonal of ones.
     n = len(diagonal)

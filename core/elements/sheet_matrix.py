@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas.sheet import ROWS
-from ..base.parallel import kernel, run, sum_kernel
+from ..base.parallel import kernel, run
 from ..errors import SolverError
 from ..mesh.triangle_mesh import Floats, Ints
 
@@ -317,7 +317,7 @@ def _find_runs(start, stop, kinds, runs):
                 k += 1
 
 
-@sum_kernel
+@kernel
 def multiply_row(y, stencil, screen, runs, x, out):
     """Write ``A x`` of the regular nodes of row `y` to a row, one channel."""
     columns = stencil.shape[2]

@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import Floats
-from ..base.parallel import chunk_size, kernel, run, sum_kernel
+from ..base.parallel import chunk_size, kernel, run
 from ..base.progress import aside, phase
 from ..errors import SolverError
 from .multigrid import Csr, Multigrid
+from .sums import sum_by_halves
 from .system import LinearSystem
 
 PATIENCE = 400
@@ -227,26 +228,26 @@ def _scale(start, stop, scale, values, out):
             out[i, j] = scale[i] * values[i, j]
 
 
-@sum_kernel
+@kernel
 def _add_squares(start, stop, chunk, values, sums):
     values = values[start:stop]
-    total = 0.0
-    for i in range(values.shape[0]):
-        total += values[i] * values[i]
-    sums[start // chunk] = total
+    squares = np.empty(values.shape[0])
+    for i in range(len(squares)):
+        squares[i] = values[i] * values[i]
+    sums[start // chunk] = sum_by_halves(squares)
 
 
-@sum_kernel
+@kernel
 def _reduce(start, stop, chunk, alpha, q, r, sums):
     # r -= alpha q; sum of squares of r. Slices, so that the loop becomes vector instructions.
     q = q[start:stop]
     r = r[start:stop]
-    total = alpha * 0
+    squares = np.empty_like(r)
     for i in range(r.shape[0]):
         x = r[i] - alpha * q[i]
         r[i] = x
-        total += x * x
-    sums[start // chunk] = total
+        squares[i] = x * x
+    sums[start // chunk] = sum_by_halves(squares)
 
 
 @kernel

@@ -93,9 +93,10 @@ def wear(
     All three come from rays, so they are as fine as the texture, on coarse meshes, too. Edges: the
     part of the rays into the body that leave it within `width` through another side, which is
     (1 - cos a) / 2 on a sharp edge where the surface turns by the angle a, less on one that is
-    shaded smoothly, and falls off to 0 at the width; times the part of the sky that is seen within 8 widths. Opposite sides of thin walls do
-    not count. Dirt: the part of the rays that meet something within `width`, less where it is far.
-    Dust: the part of the sky seen around the Z axis, times the square of the cosine to it.
+    shaded smoothly, and falls off to 0 at the width; times the part of the sky that is seen within
+    8 widths. Opposite sides of thin walls do not count. Dirt: the part of the rays that meet
+    something within `width`, less where it is far. Dust: the part of the sky seen around the Z
+    axis, times the square of the cosine to it.
 
     A value v becomes 1 - exp(-g v) with a gain g, and noise n in space breaks it up: (v - b n) /
     (1 - b n), where b is `breakup`.

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from ..atlas import TextureAtlas
 from ..base.checks import Floats, as_array, by_keyword, checked_size
-from ..base.parallel import run, sum_kernel
+from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
@@ -205,7 +205,7 @@ def _grow(space: TextureSpace, values: _Single, settings: ReactionSettings) -> N
     values[:] = substances.T
 
 
-@sum_kernel
+@kernel
 def _react(start, stop, feed, kill, masses_u, masses_v, values, rhs):
     # A unit of time without diffusion; the right-hand sides are the masses times that. Diffusion is
     # expected to add what it did in the step before, whose right-hand sides are still there.

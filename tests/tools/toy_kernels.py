@@ -4,7 +4,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from shock_filter.core.base.parallel import kernel, sum_kernel
+from shock_filter.core.base.parallel import kernel
 
 
 class Rows(NamedTuple):
@@ -28,7 +28,7 @@ def row_sums(start, stop, rows, scale, out):
             out[i] += rows.values[e] * scale[0]
 
 
-@sum_kernel
+@kernel
 def total(values):
     found = 0.0
     for value in values:
