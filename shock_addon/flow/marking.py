@@ -185,9 +185,9 @@ class SHOCK_FILTER_OT_show_creases(_CreaseOperator, bpy.types.Operator):
         ((_, obj, found),) = written
         return creases.said_of(obj.name, found.lines)
 
-    def tell(self, kind: str, text: str) -> None:
+    def tell(self, kind: str, text: str, folded: str = "") -> None:
         """Report, and let the report follow what is drawn."""
-        super().tell(kind, text)
+        super().tell(kind, text, folded)
         shown.say(text)
 
 
