@@ -647,6 +647,13 @@ class FillSettings(DilateSettings):
             "thin_plate": "As a bent plate: slopes go on, too, and it takes longer",
         },
     )
+    grain: float = _setting(
+        0.0,
+        "How much of the fine grain around it what is filled gets. 0 leaves it smooth",
+        unit="of that around",
+        maximum=2.0,
+        soft_maximum=1.0,
+    )
     seams: str = _changed(DilateSettings, "seams", "continue")
     alpha: str = _alpha()
     content: str = _content_of_vectors()

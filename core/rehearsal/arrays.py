@@ -87,7 +87,7 @@ def _fill(model: Textured, dtype: npt.DTypeLike, size: int) -> None:
     image, missing = picture(dtype, (size, size, 3)), np.zeros((size, size))
     missing[size // 8 : size // 4] = 1.0
     fill_texture(*model, image, FillSettings(surface="thin_plate"), missing=missing)
-    fill_texture(*model, image, FillSettings(seams="auto"), missing=0.5 * missing)
+    fill_texture(*model, image, FillSettings(seams="auto", grain=1.0), missing=0.5 * missing)
     mesh, uv = model
     twice = TriangleMesh(np.concatenate([mesh.vertices, mesh.vertices + 9.0]),
                          np.concatenate([mesh.faces, mesh.faces + mesh.vertex_count]))  # fmt: skip

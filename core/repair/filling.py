@@ -29,6 +29,7 @@ from ..texture.texels import (
     values_of,
     written,
 )
+from .grain import grain_of
 from .membrane import Holes
 from .missing import missing_texels
 
@@ -93,7 +94,8 @@ def fill_texture(
     The membrane solves the Laplace equation on the elements of paper B, section 5, with the known
     texels as boundary values; the thin plate the biharmonic one, with the values and slopes there.
     A connected part of the surface of which nothing is known takes the colors of the nearest known
-    texels in space, averaged over 16 texels.
+    texels in space, averaged over 16 texels. With `grain`, noise as strong as the detail around is
+    taken away before, and added again; see `repair.grain`.
 
     Examples
     --------
@@ -125,17 +127,22 @@ def fill_texture(
                 return given.copy()
             texture = normals_of(texture, settings, at_corners)
             values = values_of(texture.atlas, pixels, alpha, texture.frames)
+            missing = _at_nodes(texture.atlas, gone)
             if settings.seams == "extend":
                 texture = texture._replace(atlas=_settled(texture, values, "extend"))
-        with phase(0.2, 0.8, "Filling"):
+        grain = None
+        if settings.grain > 0:
+            with phase(0.2, 0.4, "Filling"):
+                grain = np.float32(settings.grain) * grain_of(texture, values, missing)
+        with phase(0.2 if grain is None else 0.4, 0.8, "Filling"):
             first = _first_guess(texture, uv, gone, settings, at_corners)
-            result = _filled(texture, values, gone, settings, first)
+            result = _filled(texture, values, missing, settings, first, grain)
             if settings.seams == "auto":
                 # Borders of materials are seen once something stands on both sides.
                 settled = _settled(texture, result, "auto")
                 if settled is not texture.atlas:
                     texture = texture._replace(atlas=settled)
-                    result = _filled(texture, values, gone, settings, result)
+                    result = _filled(texture, values, missing, settings, result, grain)
         with phase(0.8, 1.0, "Filling the gutter"):
             if (gone & (weights < 1)).any():
                 mix_texels(texture.atlas, values, 1.0, weights, result)
@@ -221,7 +228,9 @@ def _first_guess(
     mean = scale * _summed(shown.reshape(*blocks, channels)) / np.maximum(counts, 1)
     lacking = (counts[..., 0] == 0).astype(np.float64)
     with phase(0.0, 0.2, "Filling"):
-        quick = settings.changed(surface="membrane", find="auto", seams="continue", gutter=2)
+        quick = settings.changed(
+            surface="membrane", find="auto", seams="continue", gutter=2, grain=0
+        )
         filled = fill_texture(mesh, uv, mean, quick, missing=lacking, normals=normals)
     guess = _read(filled, texture.atlas, gone)
     if texture.frames is not None:
@@ -262,16 +271,21 @@ def _read(small: _Single, atlas: TextureAtlas, gone: npt.NDArray[np.bool_]) -> _
 def _filled(
     texture: Texture,
     values: _Single,
-    gone: npt.NDArray[np.bool_],
+    missing: npt.NDArray[np.bool_],
     settings: FillSettings,
     first: _Single | None,
+    grain: _Single | None,
 ) -> _Single:
-    # The values of the nodes inside charts, from a first guess.
+    # The values of the nodes inside charts, from a first guess. What remains without the grain is
+    # filled smoothly, so that the grain goes on from that of the known texels.
     atlas = texture.atlas
     is_plate = settings.surface == "thin_plate"
+    given = values
+    if grain is not None:
+        values = values - grain
+        first = None if first is None else first - grain
     with aside("Measuring texels"):
         space = TextureSpace(atlas)
-        missing = atlas.gather(gone.astype(np.float64)[..., None])[..., 0] > 0
         holes = Holes(space, missing)
         unknowns = np.zeros((space.size, values.shape[2]), dtype=np.float32)
         flat = values.reshape(-1, values.shape[2])
@@ -284,11 +298,19 @@ def _filled(
             holes.plate(unknowns, solver, "Filling")
     result = values.copy()
     sheet_values(space, unknowns, result)
+    if grain is not None:
+        result += grain
     if texture.unit:
         run(unit_normals, len(result), result, chunk=ROWS)
-        np.copyto(result, values, where=~missing[..., None])
+    if texture.unit or grain is not None:
+        np.copyto(result, given, where=~missing[..., None])
     else:  # known unknowns kept theirs
         hidden = space.cut_cells.hidden[:, 0]
         hidden = hidden[~missing.reshape(-1)[hidden]]
         result.reshape(flat.shape)[hidden] = flat[hidden]
     return result
+
+
+def _at_nodes(atlas: TextureAtlas, gone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    missing: npt.NDArray[np.bool_] = atlas.gather(gone.astype(np.float64)[..., None])[..., 0] > 0
+    return missing

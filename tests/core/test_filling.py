@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from atlases import Blocks
+from scipy import ndimage
 from shapes import grid, icosphere
 from shock_filter import core
 from shock_filter.core.repair.missing import unseen_texels
@@ -210,3 +211,70 @@ def test_what_cannot_be_filled_is_refused():
         core.fill_texture(mesh, uv, image, missing=np.ones((96, 96)))
     with pytest.raises(core.InvalidSignal, match="shape"):
         core.fill_texture(mesh, uv, image, missing=np.ones((9, 9)))
+
+
+def grainy(strength, softness):
+    """A ramp with grain of three channels, for `plane`."""
+    noise = np.random.default_rng(5).normal(size=(300, 300, 3))
+    noise = ndimage.gaussian_filter(noise, (softness, softness, 0))
+    noise *= strength / noise.std()
+
+    def values(x, y):
+        ramp = 0.5 + 0.3 * (x - 0.5)[..., None]
+        return ramp + noise[np.int32(299 * y.clip(0, 1)), np.int32(299 * x.clip(0, 1))]
+
+    return values
+
+
+def detail(image):
+    return image - ndimage.uniform_filter(image, (5, 5, 0))
+
+
+@pytest.mark.parametrize("softness", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("angle", [None, 0.4])
+def test_grain_is_as_that_around(angle, softness):
+    blocks, mesh, atlas, image, hole = plane(96, angle, grainy(0.05, softness))
+    inner = ndimage.binary_erosion(hole, iterations=3)
+    found = []
+    for grain in (0.0, 0.5, 1.0):
+        settings = core.FillSettings(grain=grain)
+        result = core.fill_texture(mesh, blocks.uv, image, settings, missing=hole, atlas=atlas)
+        known = atlas.inside & ~hole
+        assert (result[known] == image[known]).all()
+        found.append(detail(result)[inner].std())
+    truth = detail(image)[inner].std()
+    assert found[0] < 0.02 * truth
+    assert found[1] == pytest.approx(0.5 * truth, rel=0.15)
+    assert found[2] == pytest.approx(truth, rel=0.15)
+
+
+def test_grain_differs_from_place_to_place_and_borders_are_none():
+    def half(x, y):
+        noise = 0.05 * np.random.default_rng(1).normal(size=(*x.shape, 3))
+        flat = np.where((x + 0.3 * y < 0.6)[..., None], 0.25, 0.75)
+        return flat + noise * (y > 0.5)[..., None]
+
+    blocks, mesh, atlas, image, _ = plane(96, None, half)
+    y = atlas.bake(mesh.vertices[mesh.faces])[..., 1] / 96
+    strip = atlas.inside & ((np.abs(y - 0.2) < 0.06) | (np.abs(y - 0.8) < 0.06))
+    settings = core.FillSettings(grain=1.0)
+    result = core.fill_texture(mesh, blocks.uv, image, settings, missing=strip, atlas=atlas)
+    smooth = core.fill_texture(mesh, blocks.uv, image, missing=strip, atlas=atlas)
+    added = (result - smooth)[strip & (y < 0.5)], (result - smooth)[strip & (y > 0.5)]
+    assert np.abs(added[0]).max() < 0.03 > 10 * np.abs(added[0]).mean()  # a border is there
+    assert added[1].std() == pytest.approx(0.05, rel=0.25)
+
+
+def test_grain_leaves_opacity_and_constants():
+    blocks, mesh, atlas, image, hole = plane(64, 0.4, grainy(0.05, 0.0))
+    opacity = np.where(np.random.default_rng(2).random(hole.shape) < 0.5, 0.7, 0.8)
+    both = np.concatenate([image, opacity[..., None]], axis=-1).astype(np.float32)
+    settings = core.FillSettings(grain=1.0, find="auto")
+    grain, none = (
+        core.fill_texture(mesh, blocks.uv, both, each, missing=hole, atlas=atlas)
+        for each in (settings, core.FillSettings())
+    )
+    np.testing.assert_allclose(grain[..., 3], none[..., 3], atol=5e-3)  # of the solves
+    constant = np.full_like(image, 0.3)
+    result = core.fill_texture(mesh, blocks.uv, constant, settings, missing=hole, atlas=atlas)
+    assert np.abs(result[atlas.inside] - 0.3).max() < 1e-5

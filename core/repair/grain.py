@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Grain for what is filled: noise whose bands are as strong as those of the texture around it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.progress import phase
+from ..texture.texel_planes import Surface
+from ..texture.texels import Texture
+
+Singles = npt.NDArray[np.float32]
+
+_VARIANCES = 0.5, 2.0, 8.0
+"""Squared standard deviations, in texels, of the smoothings between which the bands lie."""
+
+_FLOOR = np.float32((0.05 / 255) ** 2)
+"""Energy that counts as none, for white = 1."""
+
+_OF_LOGARITHMS = np.float32(np.log(0.2807))
+"""Mean of the logarithm of a squared normal deviate. Means of logarithms tell of the grain that is
+everywhere; those of squares would tell of the few borders."""
+
+_WIDER, _ANYWHERE = 1e-2, 1e-5
+"""Weights of what is within some 32 texels, and anywhere, beside that within 8."""
+
+
+def grain_of(texture: Texture, values: Singles, missing: npt.NDArray[np.bool_]) -> Singles:
+    """Make a field of grain as that of the texels that are known.
+
+    Three bands of white noise, each as strong as that of the texture within some 8 texels; deep in
+    a hole, as those farther around. Brightness and colors have strengths of their own. Not in the
+    papers.
+
+    Parameters
+    ----------
+    texture : Texture
+    values : (rows, columns, c) float32
+        Of the nodes inside charts.
+    missing : (rows, columns) bool
+        Nodes of which nothing is known.
+
+    Returns
+    -------
+    (rows, columns, c) float32
+        With a mean of about 0; 0 outside charts, and for opacity.
+    """
+    surface = Surface(texture.atlas)
+    channels = [c for c in range(values.shape[2]) if c != texture.alpha]
+    basis = _axes(len(channels))
+    rng = np.random.default_rng(0)
+    known = (surface.inside & ~missing).astype(np.float32)
+    given = np.ascontiguousarray(np.moveaxis(values[..., channels] @ basis, 2, 0))
+    white = rng.standard_normal(given.shape, dtype=np.float32) * surface.inside
+    sums = surface.complete(np.concatenate([given * known, known[None]]))
+    noise, found = surface.complete(white), np.zeros_like(white)
+    variance = 0.0
+    for number, wider in enumerate(_VARIANCES):
+        with phase(number / len(_VARIANCES), (number + 1) / len(_VARIANCES), "Filling"):
+            sums = surface.smooth(sums, wider - variance)
+            smooth = sums[:-1] / np.maximum(sums[-1], np.float32(1e-6))
+            smooth_noise = surface.smooth(noise, wider - variance)
+            energies = _energies(surface, given - smooth, known)
+            band = (noise - smooth_noise) * surface.inside
+            found += np.sqrt(energies / np.mean(band**2, where=surface.inside)) * band
+        given, noise, variance = smooth, smooth_noise, wider
+    out = np.zeros_like(values)
+    out[..., channels] = np.moveaxis(found, 0, 2) @ basis.T
+    return out
+
+
+def _axes(count: int) -> Singles:
+    # Brightness and differences of colors, as orthonormal columns.
+    columns = np.eye(count)
+    columns[:, 0] = 1.0
+    return np.linalg.qr(columns)[0].astype(np.float32)
+
+
+def _energies(surface: Surface, band: Singles, known: Singles) -> Singles:
+    # How strong a band is around each node: (c, rows, columns).
+    logarithms = np.log(np.maximum(band**2, _FLOOR)) * known
+    means = surface.means.means(np.concatenate([logarithms, known[None]]))
+    anywhere = means.mean(axis=2, keepdims=True, dtype=np.float64)
+    sums = (
+        surface.means.smoothed(means)
+        + np.float32(_WIDER) * surface.means.of_region(means)
+        + np.float32(_ANYWHERE) * anywhere.astype(np.float32)
+    )
+    each = sums[:-1] / np.maximum(sums[-1], np.float32(1e-30))
+    nodes = surface.means.rows(np.ascontiguousarray(each), 0, len(surface.inside))
+    energies: Singles = np.exp(nodes - _OF_LOGARITHMS)
+    return energies * (energies > 4 * _FLOOR / np.exp(_OF_LOGARITHMS))
