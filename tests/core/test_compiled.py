@@ -85,7 +85,7 @@ def test_a_missing_kernel_is_named_with_its_types(monkeypatch):
 
     monkeypatch.setattr(compiled, "library", Empty)
     monkeypatch.setitem(sys.modules, f"{compiled.__package__}.kernel_cache", None)
-    kernel = compiled.Kernel(test_addresses_are_read_past_the_head_of_arrays, False)
+    kernel = compiled.Kernel(test_addresses_are_read_past_the_head_of_arrays)
     with pytest.raises(
         KernelMissing, match=r"No kernel .*test_addresses.* types <f81C, i: install"
     ):
@@ -126,7 +126,7 @@ def adding(monkeypatch):
     monkeypatch.setattr(compiled, "library", OfContiguous)
     monkeypatch.setattr(compiled, "_Call", Adding)
     monkeypatch.setitem(sys.modules, f"{compiled.__package__}.kernel_cache", None)
-    return compiled.Kernel(test_addresses_are_read_past_the_head_of_arrays, False)
+    return compiled.Kernel(test_addresses_are_read_past_the_head_of_arrays)
 
 
 def test_without_numba_other_orders_of_arrays_are_copied(adding):

@@ -75,7 +75,7 @@ def kernels(library, monkeypatch):
     monkeypatch.setattr(compiled, "library", lambda: library)
     monkeypatch.setitem(sys.modules, f"{compiled.__package__}.kernel_cache", None)
     return {
-        kernel.__name__: compiled.Kernel(kernel.py_func, False) for kernel, _ in toy_kernels.calls()
+        kernel.__name__: compiled.Kernel(kernel.py_func) for kernel, _ in toy_kernels.calls()
     }
 
 

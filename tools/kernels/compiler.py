@@ -26,7 +26,9 @@ from records import Entry, Harvest, read
 class Target(NamedTuple):
     """What LLVM knows a platform by: the oldest system and processor that are supported.
 
-    `newer` is a processor for which `WIDE` kernels are compiled once more.
+    `newer` is a processor for which all kernels are compiled once more: networks over many values
+    are a third faster there, flows a fifth. No kernel reorders sums or contracts products, so that
+    bits are the same.
     """
 
     triple: str
@@ -41,23 +43,6 @@ TARGETS = {
     "macos-x64": Target("x86_64-apple-macosx10.15.0", "x86-64-v2", "x86-64-v3"),
     "linux-arm64": Target("aarch64-unknown-linux-gnu", "neoverse-n1"),
 }
-
-WIDE = (
-    "advection.",
-    "beltrami.",
-    "color.",
-    "elements.",
-    "flow.",
-    "grid.",
-    "linear.",
-    "mesh.",
-    "mixture.",
-    "shape.",
-    "texture.",
-)
-"""Rooms whose kernels are compiled for newer processors, too: networks over many values are a third
-faster there, flows a fifth, geometry 6 %. In others it is less than 5 %. No kernel reorders sums or
-contracts products, so that bits are the same."""
 
 NOT_OF_HOSTS = (
     "advection.convolution:",
@@ -91,11 +76,6 @@ def symbol(entry: Entry, wide: bool = False) -> str:
     return "sf_" + hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
-def is_wide(entry: Entry, platform: str) -> bool:
-    """Whether a kernel is compiled for newer processors, too."""
-    return TARGETS[platform].newer is not None and entry.name.startswith(WIDE)
-
-
 def without_addresses(text: str) -> str:
     """Count through the names in an IR that differ from process to process, at the same length."""
     numbers: dict[str, str] = {}
@@ -113,8 +93,9 @@ def table_of(entries: Iterable[Entry], platform: str) -> dict[str, dict[str, lis
     A third item is the function for newer processors.
     """
     table: dict[str, dict[str, list[Any]]] = {}
+    has_newer = TARGETS[platform].newer is not None
     for each in entries:
-        wide = [symbol(each, wide=True)] if is_wide(each, platform) else []
+        wide = [symbol(each, wide=True)] if has_newer else []
         table.setdefault(each.name, {})[each.types] = [symbol(each), each.result, *wide]
     return table
 
@@ -264,9 +245,10 @@ def main() -> None:
     check_complete(harvests)
     entries = {symbol(each): each for harvest in harvests for each in harvest.entries}
     ordered = sorted(entries.values(), key=lambda each: (each.name, each.types))
-    newer = [each for each in ordered if is_wide(each, given.platform)]
     with ProcessPoolExecutor(1) as pool:
-        wide = pool.submit(compile_entries, newer, given.platform, wide=True) if newer else None
+        wide = None
+        if TARGETS[given.platform].newer is not None:
+            wide = pool.submit(compile_entries, ordered, given.platform, wide=True)
         (given.folder / "kernels.o").write_bytes(compile_entries(ordered, given.platform))
         (given.folder / "wide.o").write_bytes(wide.result() if wide else b"")
     table = table_of(ordered, given.platform)
