@@ -74,9 +74,7 @@ def kernels(library, monkeypatch):
     """Return the toy kernels as they are where numba is missing."""
     monkeypatch.setattr(compiled, "library", lambda: library)
     monkeypatch.setitem(sys.modules, f"{compiled.__package__}.kernel_cache", None)
-    return {
-        kernel.__name__: compiled.Kernel(kernel.py_func) for kernel, _ in toy_kernels.calls()
-    }
+    return {kernel.__name__: compiled.Kernel(kernel.py_func) for kernel, _ in toy_kernels.calls()}
 
 
 def test_results_are_those_of_numba(harvest, library):
