@@ -140,7 +140,7 @@ def test_materials_keep_their_own_shades_up_to_the_seam():
 
     squares = Squares()
     image = squares.draw(left, right).astype(np.float32)
-    y = np.arange(1.5, LENGTH - 1)
+    y = np.arange(3.5, LENGTH - 3)  # not where the surface ends
     at = np.stack([np.full_like(y, LENGTH), y], -1)
     for run in filters(seams="auto"):
         out = run(squares, image)
