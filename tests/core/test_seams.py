@@ -140,14 +140,15 @@ def test_materials_keep_their_own_shades_up_to_the_seam():
 
     squares = Squares()
     image = squares.draw(left, right).astype(np.float32)
-    y = np.arange(3.5, LENGTH - 3)  # not where the surface ends
+    y = np.arange(1.5, LENGTH - 1)
     at = np.stack([np.full_like(y, LENGTH), y], -1)
     for run in filters(seams="auto"):
         out = run(squares, image)
         for level in (1, 2):
             one, other = squares.read(out, level=level)
-            assert np.abs(one - left(at)).max() < 0.03
-            assert np.abs(other - right(at)).max() < 0.03
+            # But for the last texels of the seam, which lie where the surface ends.
+            assert np.abs(one - left(at))[2:-2].max() < 0.03
+            assert np.abs(other - right(at))[2:-2].max() < 0.03
 
 
 def photo(seed=0):

@@ -39,7 +39,7 @@ HERE = Path(__file__).resolve().parent
 MADE_OF = "adam.py", "image_examples.py", "mesh_pictures.py", "train_images.py", "train_meshes.py"
 """The scripts that the networks come from, beside the networks of images."""
 
-VERSION = 2
+VERSION = 1
 """Counts the trainings that were shipped."""
 
 FIRST_SEED, COUNT = 50000, 800
