@@ -115,6 +115,11 @@ def test_a_kernel_that_raises_raises_here(kernels):
             kernels["refuses"](-np.ones(1))
 
 
+def test_an_error_names_no_file_of_the_machine_that_compiled(kernels):
+    with pytest.raises(ValueError, match=r"^unable to broadcast argument 1 to output array$"):
+        kernels["combined"](np.ones(3), np.ones(2), np.ones(3))
+
+
 def test_types_that_were_not_compiled_are_named(kernels):
     with pytest.raises(compiled.KernelMissing, match=r"toy_kernels:total was compiled .* <i81C:"):
         kernels["total"](np.arange(3))

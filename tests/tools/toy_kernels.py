@@ -68,6 +68,11 @@ def listed(values, out):
 
 
 @kernel
+def combined(values, more, out):
+    out[:] = 2.0 * values + more
+
+
+@kernel
 def refuses(values):
     if values[0] < 0:
         raise ValueError("negative")
@@ -88,5 +93,6 @@ def calls():
         (sorted_copy, (values[::-1],)),
         (found_and_count, (values, 0.25)),
         (listed, (values, np.zeros(50))),
+        (combined, (values, values[::-1].copy(), np.zeros(50))),
         (refuses, (np.ones(1),)),
     ]

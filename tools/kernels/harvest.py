@@ -50,7 +50,11 @@ _build_excinfo_struct = CPUCallConv.build_excinfo_struct
 
 
 def _build_without_place(conventions, exc, exc_args, _, func_name):
-    # An error's file would be a path on this machine.
+    # An error's file would be a path on this machine; those of array expressions name it in words.
+    if exc_args is not None:
+        exc_args = tuple(
+            each.partition('\nFile "')[0] if isinstance(each, str) else each for each in exc_args
+        )
     return _build_excinfo_struct(conventions, exc, exc_args, None, func_name)
 
 
