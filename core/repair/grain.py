@@ -63,7 +63,8 @@ def grain_of(texture: Texture, values: Singles, missing: npt.NDArray[np.bool_]) 
             smooth_noise = surface.smooth(noise, wider - variance)
             energies = _energies(surface, given - smooth, known)
             band = (noise - smooth_noise) * surface.inside
-            found += np.sqrt(energies / np.mean(band**2, where=surface.inside)) * band
+            own = max(float(np.mean(band**2, where=surface.inside)), 1e-12)  # 0 in single texels
+            found += np.sqrt(energies / np.float32(own)) * band
         given, noise, variance = smooth, smooth_noise, wider
     out = np.zeros_like(values)
     out[..., channels] = np.moveaxis(found, 0, 2) @ basis.T

@@ -278,3 +278,16 @@ def test_grain_leaves_opacity_and_constants():
     constant = np.full_like(image, 0.3)
     result = core.fill_texture(mesh, blocks.uv, constant, settings, missing=hole, atlas=atlas)
     assert np.abs(result[atlas.inside] - 0.3).max() < 1e-5
+
+
+def test_grain_of_charts_of_single_texels_is_finite():
+    one = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    vertices, faces = np.concatenate([one, one + 3.0]), [[0, 1, 2], [3, 4, 5]]
+    corner = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]])
+    uv = np.array([corner + 0.17, corner + 0.67])
+    mesh = core.TriangleMesh(vertices, faces)
+    image = np.random.default_rng(0).random((8, 8, 3)).astype(np.float32)
+    missing = np.zeros((8, 8))
+    missing[:4, :4] = 1.0
+    result = core.fill_texture(mesh, uv, image, core.FillSettings(grain=1.0), missing=missing)
+    assert np.isfinite(result).all()
