@@ -7,6 +7,7 @@ import adam
 import crease_examples
 import denoise_examples
 import image_examples
+import image_spoiling
 import made
 import mesh_pictures
 import numpy as np
@@ -145,18 +146,40 @@ def test_shares_are_learned_that_make_up_for_what_is_missing():
 
 
 def test_pictures_come_from_their_seed():
-    for seed in (10003, image_examples.WIDELY + 3):
-        truth, spoiled = image_examples.example(seed)
-        again, _ = image_examples.example(seed)
+    firsts = image_spoiling.WIDELY, image_spoiling.SOFTLY, image_spoiling.PLAINLY
+    for seed in (10003, *(first + 3 for first in firsts)):
+        truth, spoiled = image_spoiling.example(seed)
+        again, _ = image_spoiling.example(seed)
         assert truth.shape == (image_examples.SIZE, image_examples.SIZE, 3)
         np.testing.assert_array_equal(truth, again)
         assert len(spoiled) == 3
-        for image, same in spoiled:
+        for image, same, _ in spoiled:
             assert (image.dtype, image.shape) == (np.uint8, truth.shape)
             assert not same or (image == truth).all()
-    wide = image_examples.example(image_examples.WIDELY + 3)[1][0][0].astype(float)
-    assert (
-        np.abs(np.diff(wide, axis=1)).mean() < np.abs(np.diff(truth.astype(float), axis=1)).mean()
+    steps = lambda image: np.abs(np.diff(image.astype(float), axis=1)).mean()  # noqa: E731
+    for first in (image_spoiling.WIDELY, image_spoiling.PLAINLY):
+        truth, spoiled = image_spoiling.example(first + 3)
+        assert steps(spoiled[-1][0]) < steps(truth)
+
+
+def test_the_truth_is_what_a_told_blur_leaves():
+    image = np.zeros((48, 48, 3), np.uint8)
+    image[:, 24:] = 255
+    copy = image_spoiling.Copy(image, square=16.0)
+    partly = 0
+    for seed in range(60):
+        square, truth = image_spoiling.told(np.random.default_rng(seed), image, copy, 20.0)
+        if 0 < square < 12.8:  # the rest is 0, not told, or all of it
+            steepest = np.diff(truth[24, :, 0].astype(float)).max()
+            assert abs(steepest * np.sqrt(2 * np.pi * (16 - square)) / 255 - 1) < 0.06
+            partly += 1
+        else:
+            assert truth is image
+    assert 0 < partly < 30
+    unknown = image_spoiling.Copy(image)
+    assert all(
+        image_spoiling.told(np.random.default_rng(seed), image, unknown, 20.0) == (0.0, image)
+        for seed in range(9)
     )
 
 

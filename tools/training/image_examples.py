@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures to learn sharpening from, made from seeds: the truth, and spoiled copies of it.
+"""Pictures to learn sharpening from, made from seeds.
 
 Shapes that hide one another with flat, shaded and textured fills, textures alone, drawings with
 lines and text, and mixtures; drawn at four times the size and averaged.
@@ -7,7 +7,6 @@ lines and text, and mixtures; drawn at four times the size and averaged.
 
 from __future__ import annotations
 
-import io
 from functools import cache
 
 import numpy as np
@@ -310,135 +309,62 @@ def truth(random):
             )
     if random.random() < 0.4:
         image[:] = image.mean(2, keepdims=True)
-    return _bytes(255 * image)
+    return as_bytes(255 * image)
 
 
-def _bytes(values):
-    return np.rint(values).clip(0, 255).astype(np.uint8)
-
-
-def disk(radius, thin=1.0, turn=0.0):
-    n = int(np.ceil(radius)) + 1
-    y, x = (np.mgrid[: 8 * (2 * n + 1), : 8 * (2 * n + 1)] + 0.5) / 8 - n - 0.5
-    u, v = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x
-    w = (
-        (np.hypot(u, v / thin) < radius)
-        .reshape(2 * n + 1, 8, 2 * n + 1, 8)
-        .sum((1, 3))
-        .astype(float)
-    )
-    return w / w.sum()
-
-
-def spoiled(random, image):
-    """Return a spoiled copy, and whether it is none."""
-    given = image.astype(np.float64)
-    kind = random.random()
-    if kind < 0.14:
-        if random.random() < 0.6:
-            return image.copy(), True
-    elif kind < 0.5:
-        s = np.exp(random.uniform(np.log(0.4), np.log(3.7)))
-        given = ndimage.gaussian_filter(given, (s, s, 0), mode="mirror")
-    elif kind < 0.62:
-        given = ndimage.convolve(given, disk(random.uniform(0.8, 4.5))[..., None], mode="mirror")
-    elif kind < 0.67:
-        size = int(random.integers(2, 7))
-        given = ndimage.uniform_filter(given, (size, size, 0), mode="mirror")
-    elif kind < 0.74:
-        r = random.uniform(1.2, 4.5)
-        given = ndimage.convolve(
-            given, disk(r, 0.6 / r, random.uniform(0, np.pi))[..., None], mode="mirror"
-        )
+def hues(random, n):
+    """Colors that change slowly: around a point, across the picture, or from place to place."""
+    y, x = np.mgrid[:SIZE, :SIZE].astype(np.float32)
+    kind = random.integers(4)
+    if kind == 0:
+        turn = np.arctan2(y - random.uniform(0, SIZE), x - random.uniform(0, SIZE)) / (2 * np.pi)
+        hue = turn * random.integers(1, 3) + random.random()
+    elif kind == 1:
+        a = random.uniform(0, 2 * np.pi)
+        hue = (np.cos(a) * x + np.sin(a) * y) / (SIZE * random.uniform(0.5, 2)) + random.random()
     else:
-        if random.random() < 0.25:
-            s = random.uniform(0.4, 1.2)
-            given = ndimage.gaussian_filter(given, (s, s, 0), mode="mirror")
-        factor = random.choice([1.5, 2, 2, 2.5, 3, 4, 4])
-        ways = (
-            Image.Resampling.BOX,
-            Image.Resampling.BICUBIC,
-            Image.Resampling.LANCZOS,
-            Image.Resampling.BILINEAR,
-        )
-        down, up = ways[random.choice([0, 1, 2])], ways[random.choice([1, 1, 2, 3])]
-        small = Image.fromarray(_bytes(given)).resize((round(SIZE / factor),) * 2, down)
-        if random.random() < 0.15:
-            small = _jpeg(small, int(random.integers(50, 96)))
-        given = np.asarray(small.resize((SIZE, SIZE), up)).astype(np.float64)
-    gray = (image[..., 0] == image[..., 1]).all() and (image[..., 0] == image[..., 2]).all()
-    if random.random() < 0.27:
-        size = np.exp(random.uniform(np.log(0.5), np.log(10)))
-        grain = random.normal(size=given.shape)
-        if gray or random.random() < 0.4:
-            grain[:] = grain[..., :1]
-        if random.random() < 0.4:
-            soft = random.uniform(0.4, 0.8)
-            grain = ndimage.gaussian_filter(grain, (soft, soft, 0))
-            grain /= grain.std()
-        if random.random() < 0.3:
-            grain *= 0.3 + given.mean(2, keepdims=True) / 160
-        given = given + size * grain
-    given = _bytes(given)
-    if random.random() < 0.3:
-        given = np.asarray(_jpeg(Image.fromarray(given), int(random.integers(30, 96))))
-    return given, False
-
-
-def _jpeg(image, quality):
-    file = io.BytesIO()
-    image.save(file, "JPEG", quality=quality)
-    return Image.open(file).convert("RGB")
-
-
-WIDELY = 30000
-"""From this seed on, the pictures from 10000 on are made again, and blurred widely."""
-
-
-def widely(random, image):
-    given = image.astype(np.float64)
-    if random.random() < 0.6:
-        s = random.uniform(1.8, 4.5)
-        given = ndimage.gaussian_filter(given, (s, s, 0), mode="mirror")
+        count = 1 if kind == 2 else 3
+        soft = random.uniform(12, 40)
+        noise = random.normal(size=(SIZE, SIZE, count))
+        hue = ndimage.gaussian_filter(noise, (soft, soft, 0), mode="wrap")
+        hue /= np.abs(hue).max()
+    if hue.ndim == 2 or hue.shape[2] == 1:
+        wheel = np.abs((6 * hue.reshape(SIZE, SIZE, 1) + (0, 2, 4)) % 6 - 3) - 1
+        image = wheel.clip(0, 1) * random.uniform(0.3, 1) + random.uniform(0, 0.3)
     else:
-        given = ndimage.convolve(given, disk(random.uniform(3.0, 7.0))[..., None], mode="mirror")
+        image = 0.5 + hue * random.uniform(0.2, 0.6)
+    return image.clip(0, 1).astype(np.float32).repeat(n // SIZE, 0).repeat(n // SIZE, 1)
+
+
+def areas(random, n):
+    """A map of numbers, of areas that fill the picture and meet three by three."""
+    points = random.uniform(0, n, (random.integers(3, 50), 2))
+    places = np.mgrid[:n, :n].astype(np.float32)
+    if random.random() < 0.5:
+        bent = random.uniform(0, 0.06, 2) * n
+        waves = np.sin(places[::-1] * (random.uniform(4, 20) / n))
+        places += bent[:, None, None].astype(np.float32) * waves
+    _, nearest = cKDTree(points).query(np.moveaxis(places, 0, 2).reshape(-1, 2))
+    return nearest.reshape(n, n)
+
+
+def plain(random):
+    """A few large shapes, of one color or of such as change slowly: bytes (SIZE, SIZE, 3)."""
+    n = SIZE * FINE
     if random.random() < 0.3:
-        given = given + random.uniform(0.5, 4.0) * random.normal(size=given.shape)
-    given = _bytes(given)
-    if random.random() < 0.3:
-        given = np.asarray(_jpeg(Image.fromarray(given), int(random.integers(60, 96))))
-    return given, False
-
-
-SOFTLY = 50000
-"""From this seed on, the pictures from 10000 on become softer than any blur to take away is: shapes
-as an airbrush leaves them are to stay."""
-
-
-def softened(random, image):
-    """Soften a picture all over, or beside a line."""
-    values = image.astype(np.float64)
-    s = np.exp(random.uniform(np.log(6), np.log(20)))
-    soft = ndimage.gaussian_filter(values, (s, s, 0), mode="mirror")
-    middle = soft.mean((0, 1))
-    most = np.abs(soft - middle).max() + 1
-    soft = middle + (soft - middle) * (random.uniform(10, 130) / most)
+        label = areas(random, n)
+    else:
+        label = labels(random, n, random.integers(1, 9), 16 * FINE, n / 2, random.uniform(1.2, 2))
+    image = filled(random, label, random.choice([1.0, 0.3, 0.0]), 0, 0)
+    if random.random() < 0.35:
+        some = random.random(label.max() + 1) < random.choice([0.4, 1.0])
+        image = np.where(some[label][..., None], hues(random, n), image)
+    image = np.clip(image, 0, 1).reshape(SIZE, FINE, SIZE, FINE, 3).mean((1, 3))
     if random.random() < 0.4:
-        y, x = np.mgrid[:SIZE, :SIZE] - SIZE / 2 + 0.5
-        angle = random.uniform(0, 2 * np.pi)
-        away = np.cos(angle) * x + np.sin(angle) * y + random.uniform(-40, 40)
-        soft += (values - soft) * np.clip(away + 0.5, 0, 1)[..., None]
-    return _bytes(soft)
+        image[:] = image.mean(2, keepdims=True)
+    return as_bytes(255 * image)
 
 
-def example(seed, count=3):
-    """Make a truth, bytes (n, n, 3), and spoiled copies, each with whether nothing spoiled it."""
-    random = np.random.default_rng(seed)
-    if seed < WIDELY:
-        image, spoil = truth(random), spoiled
-    elif seed < SOFTLY:
-        image, spoil = truth(np.random.default_rng(seed - WIDELY + 10000)), widely
-    else:
-        image = softened(random, truth(np.random.default_rng(seed - SOFTLY + 10000)))
-        return image, [(image, True), *(spoiled(random, image) for _ in range(count - 1))]
-    return image, [spoil(random, image) for _ in range(count)]
+def as_bytes(values):
+    """Round to bytes."""
+    return np.rint(values).clip(0, 255).astype(np.uint8)

@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from image_examples import SOFTLY, WIDELY, example
+from image_spoiling import PLAINLY, SOFTLY, WIDELY, example, told
 from scripts import meaning_of
 from shock_filter.core.base import parallel
 from shock_filter.core.color.learned.first import First
@@ -35,18 +35,19 @@ from shock_filter.core.color.learned.recipe import (
     mixed,
     second_of,
 )
+from shock_filter.core.color.learned.surroundings import WIDEST
 from shock_filter.core.grid.channels import Channels
 from shock_filter.core.mixture.network import Network, save
 
 HERE = Path(__file__).resolve().parent
 
-MADE_OF = "adam.py", "image_examples.py", "train_images.py"
+MADE_OF = "adam.py", "image_examples.py", "image_spoiling.py", "train_images.py"
 """The scripts that the networks come from."""
 
-VERSION = 2
+VERSION = 3
 """Counts the trainings that were shipped."""
 
-COUNTS = {10000: 2300, WIDELY: 260, SOFTLY: 150}
+COUNTS = {10000: 2800, WIDELY: 260, SOFTLY: 150, PLAINLY: 480}
 """How many seeds, from these on."""
 
 PIXELS = 700
@@ -55,7 +56,7 @@ PIXELS = 700
 ANYWHERE = 0.35
 """Share of them that lie anywhere; others lie where there is something to change."""
 
-HIDDEN = 56, 40
+HIDDEN = 80, 48
 """Sizes of the inner layers."""
 
 EPOCHS = 18
@@ -63,10 +64,13 @@ KEPT_ASIDE = 16
 """One picture in so many tells the gain and is not learned from."""
 
 FLOOR = 0.8**2
-"""Squared error, in bytes, that counts as none."""
+"""Squared error, in bytes, that counts as none in pictures that nothing spoiled."""
 
-AS_IT_WAS = 1.6
-"""How much pictures count that nothing spoiled."""
+LEAST = 0.5**2
+"""The same of others: in plain ones few pixels have errors."""
+
+AS_IT_WAS = 2.0, 1.4
+"""How much pictures count that nothing spoiled, for each network."""
 
 HELD = 1e-4
 """How firmly shares are held near 0."""
@@ -78,11 +82,15 @@ def made(seed: int, folder: Path) -> Path:
     """Make a picture and its spoiled copies, unless they are in the folder already."""
     path = folder / f"image_{seed}.npz"
     if not path.exists():
-        truth, spoiled = example(seed)
+        truth, copies = example(seed)
+        random = np.random.default_rng([seed, 3])
+        squares, truths = zip(
+            *(told(random, truth, copy, WIDEST**2) for copy in copies), strict=True
+        )
         part = path.with_suffix(".part")
         with part.open("wb") as file:
-            np.savez(file, truth=truth, given=[image for image, _ in spoiled],
-                     same=[same for _, same in spoiled])  # fmt: skip
+            np.savez(file, truth=truths, given=[copy.given for copy in copies],
+                     same=[copy.same for copy in copies], square=squares)  # fmt: skip
         part.rename(path)
     return path
 
@@ -92,13 +100,14 @@ def table(path: Path, networks: list[Network]) -> list[dict[str, np.ndarray]]:
     seed = int(path.stem.rpartition("_")[2])
     random = np.random.default_rng([seed, len(networks)])
     with np.load(path) as data:
-        truth = np.moveaxis(data["truth"].astype(np.float32), 2, 0)
-        pairs = list(zip(data["given"], data["same"], strict=True))
+        keys = "truth", "given", "same", "square"
+        copies = list(zip(*(data[key] for key in keys), strict=True))
     found = []
-    for image, same in pairs:
+    for truth, image, same, square in copies:
+        truth = np.moveaxis(truth.astype(np.float32), 2, 0)
         planes = Planes.of(image, COLORS)
-        wishes = Wishes(FAINT * measured_detail(image, COLORS))
-        stage = first = First(planes, wishes.floor)
+        wishes = Wishes(FAINT * measured_detail(image, COLORS), float(square))
+        stage = first = First(planes, wishes.floor, wishes.square)
         if networks:
             values, shares = mixed(first, networks[0])
             result = planes.with_values(values)
@@ -142,10 +151,16 @@ class PictureLoss:
     ----------
     rows : dict
         As from `gathered`; those of pixels come picture by picture.
+    least : float
+        Squared error that counts as none in pictures that something spoiled.
+    same : float
+        How much pictures count that nothing spoiled.
     """
 
-    def __init__(self, rows: dict[str, np.ndarray]) -> None:
-        self._rows = rows
+    def __init__(
+        self, rows: dict[str, np.ndarray], least: float = FLOOR, same: float = 1.6
+    ) -> None:
+        self._rows, self._least, self._same = rows, least, same
         self._pictures = len(rows["error"])
         self._owner = np.arange(len(rows["told"])) // PIXELS
         self._batches = len(rows["told"]) // adam.BATCH
@@ -154,8 +169,9 @@ class PictureLoss:
         self._follow(rows["error"])
 
     def _follow(self, errors: np.ndarray) -> None:
-        counted = np.where(self._rows["same"], AS_IT_WAS, 1.0)
-        self._factor = (counted / (errors + FLOOR)).astype(np.float32)
+        counted = np.where(self._rows["same"], self._same, 1.0)
+        floor = np.where(self._rows["same"], FLOOR, self._least)
+        self._factor = (counted / (errors + floor)).astype(np.float32)
 
     def __call__(self, shares: np.ndarray, rows: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the loss of some pixels, and its slopes for their shares."""
@@ -176,10 +192,10 @@ class PictureLoss:
 def slopes_of(shares, kept, rows) -> tuple[np.ndarray, np.ndarray]:
     """Mean squared errors of some pixels, and their slopes for the shares."""
     d, low, high = kept["differences"][rows], kept["low"][rows], kept["high"][rows]
-    change = (shares[:, :, None] * d).sum(1)
+    change = np.einsum("nk,nkc->nc", shares, d)
     free = (change > low) & (change < high)
     gap = np.clip(change, low, high) - kept["missing"][rows]
-    slopes = (2 / gap.shape[1]) * ((gap * free)[:, None] * d).sum(2)
+    slopes = (2 / gap.shape[1]) * np.einsum("nc,nkc->nk", gap * free, d)
     return (gap**2).mean(1), slopes
 
 
@@ -224,7 +240,8 @@ def train(
         del tables, each
         log(f"{name}: {learned['told'].shape} rows")
         sizes = (*hidden, learned["differences"].shape[1])
-        network = adam._trained(learned["told"], PictureLoss(learned), sizes, epochs, stage, log)
+        loss = PictureLoss(learned, LEAST, AS_IT_WAS[stage])
+        network = adam._trained(learned["told"], loss, sizes, epochs, stage, log)
         gain = gains(network, aside)
         same = aside["same"]
         log(

@@ -11,7 +11,7 @@ _NARROWER = 0.95
 
 
 _WIDE = 8.0
-"""Networks have seen blurs of up to 2.5 pixels, borders of about 6; wider ones may stay."""
+"""Networks have seen few borders that are wider; such ones may stay."""
 
 
 def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
