@@ -177,8 +177,8 @@ class TextureSpace:
         count, points = len(charts.boxes), len(cut.kinds)
         _, parts = connected_components(count + points, own, count + pieces.points)
         found = np.full(self.size, NOTHING, dtype=np.int32)
-        labels = self.labels.reshape(-1)
-        found[: labels.size] = np.where(labels >= 0, parts[labels], NOTHING)
+        with aside("Measuring texels"):
+            run(_name_parts, self.labels.size, self.labels.reshape(-1), parts, found)
         found[cut.unknowns] = parts[count + cut.free]
         return found
 
@@ -400,6 +400,13 @@ def _integrate_cells(start, stop, points, by_rows, integrals, cut, faces, cells)
                     faces[row, left + n] = f
                     for m in range(4):
                         cells[row, left + n, m] += share * whole[m]
+
+
+@kernel
+def _name_parts(start, stop, labels, parts, found):
+    for i in range(start, stop):
+        if labels[i] != NOTHING:
+            found[i] = parts[labels[i]]
 
 
 @kernel
