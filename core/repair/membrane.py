@@ -293,7 +293,7 @@ def _mark_parts(start, stop, parts, known, sourced):
 @kernel
 def _keep_unknowns(start, stop, whole, unknown, kept, stencil, labels, screen):
     # Couplings with what is known are part of the diagonal.
-    rows, columns = kept.shape
+    columns = kept.shape[1]
     for y in range(start, stop):
         for x in range(columns):
             if not kept[y, x]:

@@ -234,7 +234,7 @@ def test_small_changes_among_large_ones_are_left():
 
 
 def test_dark_rims_of_charts_are_not_sharpened(model):
-    mesh, uv, image, atlas = model
+    _, _, image, atlas = model
     inside = atlas.inside[..., None]
     dark = gaussian_filter(np.where(inside, image, 0).astype(float), (1, 1, 0)).astype(np.uint8)
     sound, spoiled = (beside_seams(Texture(atlas, each)) for each in (image, dark))
