@@ -90,14 +90,15 @@ class Holes:
             run(_mark_parts, len(components), components, self.known, sourced)
         lost = missing & inside
         self._tolerance = _TOLERANCE
-        self.whole = space.matrix(1.0, lumped=True)
+        kept = widened(lost, 1) & inside
+        self.whole = space.matrix(1.0, lumped=True, where=kept)
         self.unknown = np.zeros(space.size, dtype=np.bool_)
         self.unknown[:nodes] = lost.reshape(-1)
         self._add_points()
         self.adrift = np.zeros(space.size, dtype=np.bool_)
         if not sourced.all():
             self.adrift = self.unknown & ~sourced[np.maximum(components, 0)]
-        self._matrix = self._reduced(widened(lost, 1) & inside)
+        self._matrix = self._reduced(kept)
 
     def _add_points(self) -> None:
         # Points along seams near missing nodes, link by link.
