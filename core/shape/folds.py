@@ -2,7 +2,8 @@
 """No fold is left behind: what a refit folds is slid flat, moved as its neighbours are, or undone.
 
 Not in the papers. A fold is an edge whose faces close beyond 140 degrees, and did not before; a
-face is turned over that is nearly a right angle off its target, and was not before.
+face is turned over that is nearly a right angle off its target, and was not before. What is nearly
+so slides in part, so that a little noise more or less never decides.
 """
 
 from __future__ import annotations
@@ -30,6 +31,13 @@ _WORSE = 0.02
 
 _OFF = 0.05
 """Cosine of the angle to its target beyond which a face is turned over."""
+
+_NEARLY = 0.05
+"""Differences of cosines, before these bounds, within which vertices slide in part."""
+
+_SLIVER = 0.0025
+"""Share of its area below which a face is bad, and its normal uncertain; below twice as much it is
+nearly so."""
 
 _STIFF = (200.0,) * 6 + (20.0,) * 3
 """How firmly vertices keep to the planes of their faces, round by round."""
@@ -67,18 +75,21 @@ class FoldChecks:
 
     def bad_faces(self, moved: Floats, among: Indices) -> Indices:
         """Return those of some faces that are bad, sorted."""
+        return np.unique(among[self.grades(moved, among) >= 1])
+
+    def grades(self, moved: Floats, among: Indices) -> Floats:
+        """Grade some faces, sorted: 1 if they are bad, 0 if they are not, between if nearly."""
         mesh = self.mesh
-        bad = np.empty(len(among), dtype=np.bool_)
-        run(_find_bad, len(among), among, mesh.vertices, moved, mesh.faces, mesh.twins,
-            mesh.normals, self.targets, bad)  # fmt: skip
-        found = among[bad]
+        found = np.empty(len(among))
+        run(_grade, len(among), among, mesh.vertices, moved, mesh.faces, mesh.twins, mesh.normals,
+            mesh.areas, mesh.mean_edge_length**-2, self.targets, found)  # fmt: skip
         one, two = self._thick
         if len(one):
             folded = np.empty(len(one), dtype=np.bool_)
             run(_find_folded, len(one), one, two, mesh.vertices, moved, mesh.faces, mesh.normals,
                 folded)  # fmt: skip
-            found = np.concatenate([found, one[folded], two[folded]])
-        return np.unique(found)
+            found[np.isin(among, np.concatenate([one[folded], two[folded]]))] = 1.0
+        return found
 
     def faces_near(self, vertices: Indices) -> Indices:
         """Return the faces whose folds depend on some vertices, sorted."""
@@ -109,11 +120,11 @@ def mended(
     """
     checks = FoldChecks(mesh, targets)
     near = checks.faces_near(np.flatnonzero(moved.any(axis=1)))
-    bad = checks.bad_faces(moved, near)
-    if len(bad) == 0:
+    grades = checks.grades(moved, near)
+    if not grades.any():
         return moved
     moved = moved.copy()
-    bad = _slide(checks, moved, bad, fixed)
+    bad = _slide(checks, moved, near, grades, fixed)
     bad = _even_out(checks, moved, bad, fixed)
     return _without(checks, moved, bad)
 
@@ -126,22 +137,31 @@ def undone(mesh: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
 
 
 def _slide(
-    checks: FoldChecks, moved: Floats, bad: Indices, fixed: npt.NDArray[np.bool_] | None
+    checks: FoldChecks,
+    moved: Floats,
+    among: Indices,
+    grades: Floats,
+    fixed: npt.NDArray[np.bool_] | None,
 ) -> Indices:
-    # Along the planes of their faces, to the mean of their neighbours.
+    # Along the planes of their faces, to the mean of their neighbours, as far as faces are bad.
+    # Returns those that still are.
     mesh = checks.mesh
     for stiff in _STIFF:
-        if len(bad) == 0:
+        among, grades = among[grades > 0], grades[grades > 0]
+        if len(among) == 0:
             break
         ask()
-        chosen = _free(np.unique(mesh.faces[bad]), fixed)
-        slides = np.empty((len(chosen), 3))
+        worst = np.zeros(mesh.vertex_count)
+        np.maximum.at(worst, mesh.faces[among], grades[:, None])
+        chosen = _free(np.flatnonzero(worst), fixed)
+        shares, slides = worst[chosen, None], np.empty((len(chosen), 3))
         for _ in range(_SLIDES):
             run(_find_slides, len(chosen), chosen, mesh.vertices, moved, mesh.faces, *mesh.corners,
                 mesh.areas, checks.targets, stiff, slides)  # fmt: skip
-            moved[chosen] += slides
-        bad = checks.bad_faces(moved, np.union1d(bad, checks.faces_near(chosen)))
-    return bad
+            moved[chosen] += shares * slides
+        among = np.union1d(among, checks.faces_near(chosen))
+        grades = checks.grades(moved, among)
+    return among[grades >= 1]
 
 
 def _even_out(
@@ -210,6 +230,11 @@ def _pairs_at_thick_edges(mesh: TriangleMesh) -> tuple[Indices, Indices]:
 
 @kernel
 def _normal(vertices, moved, faces, f):
+    return _normal_and_area(vertices, moved, faces, f)[0]
+
+
+@kernel
+def _normal_and_area(vertices, moved, faces, f):
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     ux = vertices[b, 0] - vertices[a, 0] + (moved[b, 0] - moved[a, 0])
     uy = vertices[b, 1] - vertices[a, 1] + (moved[b, 1] - moved[a, 1])
@@ -219,31 +244,51 @@ def _normal(vertices, moved, faces, f):
     vz = vertices[c, 2] - vertices[a, 2] + (moved[c, 2] - moved[a, 2])
     large = max(abs(ux), abs(uy), abs(uz), abs(vx), abs(vy), abs(vz))
     if not large > 0:
-        return 0.0, 0.0, 0.0
+        return (0.0, 0.0, 0.0), 0.0
     s = 1.0 / large  # products of very large and very small numbers are none
     x, y, z = cross((s * ux, s * uy, s * uz), (s * vx, s * vy, s * vz))
     length = np.sqrt(x * x + y * y + z * z)
     if length > 0:
-        return x / length, y / length, z / length
-    return 0.0, 0.0, 0.0
+        return (x / length, y / length, z / length), 0.5 * length * large**2
+    return (0.0, 0.0, 0.0), 0.0
 
 
 @kernel
-def _find_bad(start, stop, among, vertices, moved, faces, twins, before, targets, bad):
+def _grade(
+    start, stop, among, vertices, moved, faces, twins, before, areas, unit, targets, grades
+):
     for i in range(start, stop):
         f = among[i]
-        n = _normal(vertices, moved, faces, f)
-        off = dot(n, targets[f])
-        bad[i] = off < min(_OFF, dot(before[f], targets[f]) - _WORSE) and dot(n, n) > 0
+        n, area = _normal_and_area(vertices, moved, faces, f)
+        gone = _gone(unit * area, areas[f])
+        on = dot(before[f], targets[f])
+        grades[i] = gone
+        if area > 0:
+            least = min(_OFF, on - _WORSE)
+            grades[i] = max(grades[i], _graded(dot(n, targets[f]), least, on))
         for k in range(3):
-            if bad[i] or twins[f, k] < 0:
+            if twins[f, k] < 0:
                 continue
             g = twins[f, k] // 3
             bent = dot(before[f], before[g])
             least = bent - _WORSE
             if bent > _ALREADY:
                 least = min(max(min(_FOLD, least), _CLEAR), bent - _SAME)
-            bad[i] = dot(n, _normal(vertices, moved, faces, g)) < least
+            m, area = _normal_and_area(vertices, moved, faces, g)
+            certain = 1.0 - max(gone, _gone(unit * area, areas[g]))
+            grades[i] = max(grades[i], certain * _graded(dot(n, m), least, bent))
+
+
+@kernel
+def _gone(area, before):
+    # 1 where a face has lost its area, so that with a little more noise it would be turned over.
+    return min(max(2.0 - area / (_SLIVER * before), 0.0), 1.0) if before > 0 else 0.0
+
+
+@kernel
+def _graded(cosine, least, before):
+    # 1 below the least cosine, 0 well above it, and where nothing changed.
+    return min(max(1.0 - (cosine - least) / min(_NEARLY, before - least), 0.0), 1.0)
 
 
 @kernel
