@@ -100,7 +100,7 @@ def run() -> None:
         try:
             window = bpy.context.window_manager.windows[0] if not bpy.app.background else None
             with bpy.context.temp_override(window=window) if window else nullcontext():
-                updating.update(obj, "INVOKE_DEFAULT", began=_note_job)
+                updating.update(obj, "INVOKE_DEFAULT", began=_note_job, with_textures=False)
         except RuntimeError as error:
             print(f"Shock Filter: {obj.name}: {error}")
 

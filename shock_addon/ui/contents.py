@@ -42,7 +42,7 @@ def draw_main(panel: Panel, context: bpy.types.Context) -> None:
     if mode.key == "geometry":
         _draw_creases(layout, context, enabled=not obstacle)
     if context.space_data.type == "VIEW_3D":
-        live_drawing.draw(layout, context)
+        live_drawing.draw(layout, context, mode)
     if flow_shown.shown_object() is not None and context.space_data.type == "VIEW_3D":
         layout.operator("shock_filter.hide_flow")
     problem = kernels.problem()
