@@ -17,7 +17,7 @@ from ..operators import base as operators
 from ..operators import comparing, drawing, linking, statistics
 from ..operators import poll as obstacles
 from ..operators.filtering import operator_of
-from ..operators.generating import MAPS
+from ..operators.generating import FROM_SELECTED, MAPS
 from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
 from ..preview import painting
@@ -79,7 +79,8 @@ def draw_maps(panel: Panel, context: bpy.types.Context) -> None:
     column.scale_y = 1.2
     for from_selected, text in ((False, "Bake All"), (True, "Selected to Active")):
         row = column.row()
-        row.enabled = not from_selected or len(data.chosen.mesh_objects(context)) > 1
+        if from_selected:
+            row.context_pointer_set(FROM_SELECTED, context.scene)
         button = row.operator("shock_filter.bake_maps", text=iface_(text), translate=False)
         button.from_selected, button.image_size = from_selected, settings.image_size
     _draw_report(layout, context, panel.mode(context), settings, obstacle, MAPS)
