@@ -75,7 +75,8 @@ def _of_texture(
     if "\n" not in settings.get("result", ""):  # names may have changed since
         result = data.mixes.result_of(mix)
         settings["image"] = node.image.name
-        settings["result"] = "" if result is None else result.image.name
+        shown = None if result is None else result.image
+        settings["result"] = "" if shown is None else shown.name
     return Step(operator, settings, [obj.session_uid, *(each.session_uid for each in others)])
 
 

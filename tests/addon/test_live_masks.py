@@ -121,6 +121,16 @@ def without_uv(obj):
     obj.data.uv_layers.remove(obj.data.uv_layers[0])
 
 
+def test_a_removed_result_comes_back(wood):
+    sharpen(output="LIVE")
+    wanted = images.read_pixels(result_of())
+    tree().nodes.remove(mixing.results(["Plane"], wood)[0])
+    assert paint_where() == {"FINISHED"}
+    object_mode()
+    shock_filter.live.update(bpy.context.object)
+    np.testing.assert_array_equal(images.read_pixels(result_of()), wanted)
+
+
 def masked_by_nodes(obj):
     noise = tree().nodes.new("ShaderNodeTexNoise")
     tree().links.new(noise.outputs[0], mix_of().inputs["Mask"])

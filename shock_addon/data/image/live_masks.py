@@ -92,7 +92,8 @@ def to_paint(
     if mask is None and gain_map is not None:
         mask, _ = of_gain(names, old, gain_map)
     if mask is None:
-        sizes = images.part_sizes(mixing.results(names, old)[0].image or old)
+        shown = [node.image for node in mixing.results(names, old) if node.image is not None]
+        sizes = images.part_sizes([*shown, old][0])  # the result may be larger
         mask = _add(old, {key: _opaque(np.zeros(size, np.float32)) for key, size in sizes.items()})
     for node, mix in pairs:
         if not mix.inputs[MASK].is_linked:

@@ -129,7 +129,7 @@ def follow(name: str) -> Steps:
         seen["states"].append(live().state(bpy.data.objects[copy]))
         yield from record(3)
     seen["after"] = seen_state(copy)
-    seen["kept"] = keep()
+    seen["kept"] = keep(bpy.data.objects[copy])
     yield DRAWN
     picture("live-followed", area("VIEW_3D"), width=1400)
 
@@ -147,14 +147,16 @@ def first_draw(name: str) -> list[float]:
     return drawn
 
 
-def keep() -> list[float]:
+def keep(copy: bpy.types.Object) -> list[float]:
     """Press Keep beside Widest Fillet; return what the field said, and what it holds then."""
+    copy.select_set(True)
     kept = bpy.context.scene.shock_filter.geometry
     with over():
         chosen = addon("operators.keeping").found_by(bpy.context, "geometry", "widest_fillet")
         bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")
     values = [chosen.value, kept.widest_fillet]
     kept.property_unset("widest_fillet")
+    copy.select_set(False)
     return values
 
 
