@@ -16,11 +16,11 @@ from . import updating
 AUTO = "shock_filter_auto"
 """Key of the switch among the properties of a copy."""
 
-_REST = 0.3
+REST = 0.3
 """Seconds without a change before an update."""
 
 _LOOK = 0.05
-"""Seconds between looks while something happens; else `_REST` is."""
+"""Seconds between looks while something happens; else `REST` is."""
 
 _AWAKE = 3.0
 """Seconds after a change in which something happens."""
@@ -60,7 +60,7 @@ def switch(obj: bpy.types.Object, is_wanted: bool) -> None:
 def start() -> None:
     """Look from now on."""
     if not bpy.app.timers.is_registered(_look):
-        bpy.app.timers.register(_look, first_interval=_REST)
+        bpy.app.timers.register(_look, first_interval=REST)
 
 
 def stop() -> None:
@@ -124,10 +124,10 @@ def _look() -> float:
             _job.cancel()  # its result would be out of date
             _refused.discard(_updated)
     elapsed = time.monotonic() - changed_at
-    if elapsed < _REST:
-        return max(_REST - elapsed, 0.01)
+    if elapsed < REST:
+        return max(REST - elapsed, 0.01)
     run()
-    return _LOOK if elapsed < _AWAKE else _REST
+    return _LOOK if elapsed < _AWAKE else REST
 
 
 def _is_busy() -> bool:
