@@ -16,8 +16,11 @@ from . import updating
 AUTO = "shock_filter_auto"
 """Key of the switch among the properties of a copy."""
 
-REST = 0.3
-"""Seconds without a change before an update."""
+REST = 0.15
+"""Seconds without a change before an update; a change that comes later cancels it."""
+
+_QUIET = 1.0
+"""Seconds of an update before its progress is drawn, which takes time from it."""
 
 _LOOK = 0.05
 """Seconds between looks while something happens; else `REST` is."""
@@ -46,6 +49,12 @@ _refused: set[int] = set()
 def is_on(obj: bpy.types.Object) -> bool:
     """Whether a live copy updates itself."""
     return _is_allowed and bool(obj.get(AUTO))
+
+
+def is_coming(obj: bpy.types.Object) -> bool:
+    """Whether a live copy that is out of date is about to be updated."""
+    is_running = _job is not None and _job is jobs.current() and obj.session_uid == _updated
+    return is_on(obj) and (is_running or obj.session_uid not in _refused)
 
 
 def switch(obj: bpy.types.Object, is_wanted: bool) -> None:
@@ -108,6 +117,8 @@ def run() -> None:
 def _note_job() -> None:
     global _job
     _job = jobs.current()
+    if _job is not None:
+        _job.quiet_until = time.monotonic() + _QUIET
 
 
 def _look() -> float:

@@ -55,7 +55,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> 
         row.operator("shock_filter.auto_update_live", depress=is_on)
     row.operator(f"shock_filter.paint_live{'' if texture is None else '_texture'}")
     _draw_hints(layout, context, modifiers, texture)
-    if modifiers and obj.mode != "EDIT" and jobs.current() is None:
+    is_asked = modifiers and obj.mode != "EDIT" and not automatic.is_coming(obj)
+    if is_asked and jobs.current() is None:
         found = data.live.watching.state_for_panel(obj, updating.state)
         if found in _SAID:
             draw_text(layout, context, _SAID[found], icon="ERROR")

@@ -121,7 +121,7 @@ def _draw_report(
     key: str = "",
 ) -> None:
     """Draw why nothing can be done, or what was done last; the key is that of the mode if empty."""
-    if jobs.current() is not None:
+    if jobs.shown() is not None:
         return
     # Else Blender draws the first line as the bar that was there, until the mouse moves.
     layout.separator(factor=0.01)
@@ -316,9 +316,9 @@ def _draw_buttons(
 ) -> None:
     """Draw the main button, or how far a run is, and those below it."""
     column = layout.column()
-    if jobs.current() is not None:
+    enabled = enabled and jobs.current() is None
+    if jobs.shown() is not None:
         _draw_progress(column)
-        enabled = False
     else:
         main = column.column()
         main.enabled = enabled

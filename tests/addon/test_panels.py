@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panels and menu entries, drawn on a layout that checks each call against Blender's own."""
 
+import time
 from types import SimpleNamespace
 
 import bpy
@@ -436,7 +437,7 @@ def test_the_image_editor_says_nothing_of_other_images(rounded_box):
 
 
 def test_the_panel_shows_the_progress(monkeypatch):
-    job = SimpleNamespace(fraction=0.5, message="Tracing flow-lines")
+    job = SimpleNamespace(fraction=0.5, message="Tracing flow-lines", quiet_until=0.0)
     monkeypatch.setattr(jobs, "current", lambda: job)
     layout = Layout()
     drawn = draw(panels.SHOCK_FILTER_PT_main, layout=layout)
@@ -444,6 +445,10 @@ def test_the_panel_shows_the_progress(monkeypatch):
     _, *others = words(drawn, "operator")  # the first one cancels
     assert set(others) <= set(layout.gray)
     assert not {name for (name,) in others} & {"shock_filter.sharpen_geometry"}
+    job.quiet_until = time.monotonic() + 60.0
+    layout = Layout()
+    drawn = draw(panels.SHOCK_FILTER_PT_main, layout=layout)
+    assert not words(drawn, "progress") and ("shock_filter.sharpen_geometry",) in layout.gray
 
 
 def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):
@@ -662,7 +667,9 @@ def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypa
     monkeypatch.setattr(Layout, "unfolds", True)
     assert "Folded of maps." in words(draw(cls, layout=unfolded), "label")
     monkeypatch.setattr(
-        jobs, "current", lambda: SimpleNamespace(fraction=0.5, message="Baking maps")
+        jobs,
+        "current",
+        lambda: SimpleNamespace(fraction=0.5, message="Baking maps", quiet_until=0.0),
     )
     assert "Bake All" not in words(draw(cls), "operator")
 
