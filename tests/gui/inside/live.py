@@ -114,9 +114,10 @@ def follow(name: str) -> Steps:
         start = time.monotonic()
         bpy.data.objects[name].location.x -= 0.1
         bpy.context.view_layer.update()
-        seen["noticed"] = live().state(bpy.data.objects[copy])
+        if "noticed" not in seen:
+            seen["noticed"] = live().state(bpy.data.objects[copy])  # takes long
         mesh = bpy.data.objects[copy].data.session_uid
-        while bpy.data.objects[copy].data.session_uid == mesh:  # asking for its state takes long
+        while bpy.data.objects[copy].data.session_uid == mesh:
             if time.monotonic() > start + 90.0:
                 raise TimeoutError("The copy does not follow.")
             yield 0.02
