@@ -161,7 +161,7 @@ def _painted(atlas: TextureAtlas, pixels: npt.NDArray) -> Singles:
     far = far[:: -(-len(far) // _SAMPLE)] * scale
     background = np.median(far, axis=0)
     noise = float(np.quantile(np.abs(far - background).max(axis=1), _MOST))
-    plain = 1.0 - _rise(np.float32(noise), _UNEVEN)
+    plain = 1.0 - _rise(np.asarray(noise), _UNEVEN)
     away = np.abs(pixels * scale - background).max(axis=2)
     differs = _rise(away - 2.0 * noise, _DIFFERENT)
     return np.where(beside, plain * differs + (1.0 - plain) * active, 0.0).astype(np.float32)
