@@ -104,7 +104,7 @@ def repairs(data: Path, names: list[str]) -> str:
             rows.append([name, fault, *(_shown(value) for value in row)])
             print("|", " | ".join(rows[-1]), "|", flush=True)
     head = ["", "spoiled by", "as it is", *(f"+ {step}" for step in STEPS)]
-    return table(head, rows, 2) + f"\n\nAt least {least:+.2f} dB in all."
+    return table(head, rows, 2) + f"\n\nAt least {least:+.3f} dB in all."
 
 
 def _shown(value: float) -> str:

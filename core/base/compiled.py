@@ -21,6 +21,7 @@ import pickle
 import re
 import struct
 from collections.abc import Callable
+from ctypes import byref
 from pathlib import Path
 from typing import Any
 
@@ -73,8 +74,6 @@ class Library:
         for known, (symbol, result, *wide) in self._kernels.get(name, {}).items():
             if _fits(types, known):
                 function = self._functions[wide[0] if wide and self.is_wide else symbol]
-                function.argtypes = [ctypes.c_char_p, ctypes.c_void_p, ctypes.c_void_p]
-                function.restype = ctypes.c_int
                 return function, result
         return None
 
@@ -260,7 +259,12 @@ class _Call:
         slots: list[Any] = []
         for each in arguments:
             _slots(each, slots)
-        return self._run(self._packing.pack(*slots))
+        error = ctypes.c_void_p()
+        place = self._result.place() if self._result else ctypes.c_void_p()
+        status = self._function(self._packing.pack(*slots), byref(place), byref(error))
+        if status:
+            raise _error(self._name, status, error)
+        return self._result.read(place) if self._result else None
 
     def bind(self, arguments: tuple[Any, ...]) -> Callable[[int, int], Any]:
         slots: list[Any] = [0, 0]
@@ -268,18 +272,15 @@ class _Call:
             _slots(each, slots)
         tail = self._packing.pack(*slots)[_RANGE.size :]
 
+        function, error = self._function, ctypes.c_void_p()  # of any chunk that fails
+        places = byref(ctypes.c_void_p()), byref(error)
+
         def call(start: int, stop: int, _kept: Any = arguments) -> Any:
-            return self._run(_RANGE.pack(start, stop) + tail)
+            status = function(_RANGE.pack(start, stop) + tail, *places)
+            if status:
+                raise _error(self._name, status, error)
 
         return call
-
-    def _run(self, slots: bytes) -> Any:
-        error = ctypes.c_void_p()
-        place = self._result.place() if self._result else ctypes.c_void_p()
-        status = self._function(slots, ctypes.byref(place), ctypes.byref(error))
-        if status:
-            raise _error(self._name, status, error)
-        return self._result.read(place) if self._result else None
 
 
 class _NumbaCall:

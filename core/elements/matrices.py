@@ -177,8 +177,8 @@ class TextureSpace:
         count, points = len(charts.boxes), len(cut.kinds)
         _, parts = connected_components(count + points, own, count + pieces.points)
         found = np.full(self.size, NOTHING, dtype=np.int32)
-        labels = self.labels.reshape(-1)
-        found[: labels.size] = np.where(labels >= 0, parts[labels], NOTHING)
+        with aside("Measuring texels"):
+            run(_name_parts, self.labels.size, self.labels.reshape(-1), parts, found)
         found[cut.unknowns] = parts[count + cut.free]
         return found
 
@@ -199,13 +199,20 @@ class TextureSpace:
             means = sums[:, :-1] / np.where(sums[:, -1:] > 0, sums[:, -1:], 1.0)
             run(_subtract_means, len(values), parts, means, values, result)
 
-    def matrix(self, screen: float, lumped: bool = False) -> SheetMatrix:
-        """Assemble stiffness plus `screen` times mass, which is diagonal if `lumped`."""
+    def matrix(
+        self, screen: float, lumped: bool = False, where: npt.NDArray[np.bool_] | None = None
+    ) -> SheetMatrix:
+        """Assemble stiffness plus `screen` times mass, which is diagonal if `lumped`.
+
+        The couplings of nodes outside `where` (rows, columns) with later ones are left out.
+        """
         rows, columns = self.labels.shape
         stencil = np.zeros((4, rows, columns), dtype=np.float32)
         screens = np.zeros(self.size, dtype=np.float32)
+        some = np.zeros((0, 0), dtype=np.bool_) if where is None else where
         with aside("Assembling"):
-            run(_assemble_cells, rows, self.cells, screen, lumped, stencil, screens, chunk=ROWS)
+            run(_assemble_cells, rows, self.cells, screen, lumped, some, stencil, screens,
+                chunk=ROWS)  # fmt: skip
         ask()
         seam, masses = self._assemble_pieces(0.0 if lumped else screen)
         unknowns = self.cut_cells.unknowns
@@ -403,6 +410,13 @@ def _integrate_cells(start, stop, points, by_rows, integrals, cut, faces, cells)
 
 
 @kernel
+def _name_parts(start, stop, labels, parts, found):
+    for i in range(start, stop):
+        if labels[i] != NOTHING:
+            found[i] = parts[labels[i]]
+
+
+@kernel
 def _label_nodes(start, stop, faces, charts, labels):
     for y in range(max(start, 1), stop):
         for x in range(1, labels.shape[1]):
@@ -476,7 +490,7 @@ def _least_in_pieces(start, stop, cells, nodes, values, out):
 
 
 @kernel
-def _assemble_cells(start, stop, cells, screen, lumped, stencil, screens):
+def _assemble_cells(start, stop, cells, screen, lumped, where, stencil, screens):
     columns = cells.shape[1]
     shared = 0.0 if lumped else screen
     for y in range(max(start, 1), stop):
@@ -487,6 +501,8 @@ def _assemble_cells(start, stop, cells, screen, lumped, stencil, screens):
             if area == 0:
                 continue
             screens[y * columns + x] = 0.25 * screen * area
+            if where.size > 0 and not where[y, x]:
+                continue
             stencil[0, y, x] = (b[0] + d[0]) / 6 - (b[2] + d[2]) / 3 + shared * (b[3] + d[3]) / 18
             stencil[2, y, x] = (c[2] + d[2]) / 6 - (c[0] + d[0]) / 3 + shared * (c[3] + d[3]) / 18
             stencil[1, y, x] = -(c[0] + c[2]) / 6 + c[1] / 2 + shared * c[3] / 36

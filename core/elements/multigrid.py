@@ -165,29 +165,33 @@ class SheetSolver:
         """
         with aside(message):
             if self._vectors is None or len(self._vectors[0]) != x.shape[1]:
-                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(3)]
+                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(4)]
             vectors = self._vectors
             self._run(_transpose, rhs, vectors[0])
+            self._run(_transpose, x, vectors[3])
             scale = self._norm(vectors[0])
             if not np.isfinite(scale):
                 raise SolverError("The right-hand side of the linear system is not finite.")
             if scale == 0:
                 x[:] = 0.0
                 return SolveReport(0, 0.0, True)
-            relative, reachable = self._residual(rhs, x, vectors, scale)
+            relative, reachable = self._residual(rhs, vectors, scale)
         iterations = 0
         while relative > max(tolerance, reachable) and iterations < LIMIT:
             wanted = max(0.9 * tolerance / relative, 1e-7)
             with phase(0.0, 1.0, message):
                 count, sound = self._conjugate_gradients(
-                    x, vectors, wanted, LIMIT - iterations, message
+                    vectors, wanted, LIMIT - iterations, message
                 )
             iterations += count
             with aside(message):
                 before = relative
-                relative, reachable = self._residual(rhs, x, vectors, scale)
+                relative, reachable = self._residual(rhs, vectors, scale)
             if not sound or not relative <= 0.5 * before:
                 break
+        if iterations:
+            with aside(message):
+                self._run(_transpose_back, self._levels[0].inverse, vectors[3], x)
         if not relative <= max(tolerance, reachable):
             if not np.isfinite(relative):
                 x[:] = 0.0
@@ -217,24 +221,22 @@ class SheetSolver:
         self._run(_subtract_from, self._levels[0].inverse, b.T, r)
         return self._norm(r) / max(self._norm(b), 1e-30)
 
-    def _residual(
-        self, rhs: Singles, x: Singles, vectors: list[Singles], scale: float
-    ) -> tuple[float, float]:
-        # Writes the residual to the first vector, which holds the right-hand side while x is 0.
-        # Returns its norm, and the norm that the rounding of x alone causes.
-        r, flat, _ = vectors
-        self._run(_transpose, x, flat)
-        size = self._norm(flat, solution=True)
+    def _residual(self, rhs: Singles, vectors: list[Singles], scale: float) -> tuple[float, float]:
+        # Writes the residual to the first vector, which holds the right-hand side while the
+        # solution, the last one, is 0. Returns its norm, and the norm that the rounding of the
+        # solution alone causes.
+        r, *_, x = vectors
+        size = self._norm(x, solution=True)
         if size > 0:
-            self._multiply(flat, r)
+            self._multiply(x, r)
             self._run(_subtract_from, self._levels[0].inverse, rhs, r)
         return self._norm(r) / scale, _ROUNDING * size / scale
 
     def _conjugate_gradients(
-        self, x: Singles, vectors: list[Singles], tolerance: float, limit: int, message: str
+        self, vectors: list[Singles], tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
         # Returns the number of iterations, and whether the matrix behaved as positive definite.
-        r, z, p = vectors
+        r, z, p, x = vectors
         inverse, sums = self._levels[0].inverse, self._spans.sums
         first = self._norm(r)
         before, done = 1.0, 0.0
@@ -589,7 +591,7 @@ def _step(start, stop, spans, alpha, inverse, p, q, x, r, sums):
             squares[:] = 0
             for j in range(len(p)):
                 direction, change = p[j, first:last], q[j, first:last]
-                solution, residual = x[first:last, j], r[j, first:last]
+                solution, residual = x[j, first:last], r[j, first:last]
                 for i in range(len(direction)):
                     solution[i] += alpha * direction[i]
                     value = residual[i] - alpha * change[i]

@@ -301,8 +301,10 @@ def _invert(start, stop, stencil, screen, kinds, inverse):
 @kernel
 def _count_runs(start, stop, kinds, counts):
     for y in range(start, stop):
-        for x in range(1, kinds.shape[1]):
-            counts[y] += kinds[y, x] == REGULAR and kinds[y, x - 1] != REGULAR
+        count = np.int32(0)
+        for x in range(1, kinds.shape[1]):  # without a branch: vector instructions
+            count += np.int32((kinds[y, x] == REGULAR) & (kinds[y, x - 1] != REGULAR))
+        counts[y] = count
 
 
 @kernel

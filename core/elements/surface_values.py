@@ -137,6 +137,12 @@ def sheet_values(space: TextureSpace, values: _Single, sheet: _Single) -> None:
     """
     flat = sheet.reshape(-1, sheet.shape[2])
     run(_copy_nodes, len(flat), space.labels.reshape(-1), values, flat)
+    hidden_values(space, values, sheet)
+
+
+def hidden_values(space: TextureSpace, values: _Single, sheet: _Single) -> None:
+    """Write a function on the surface to the nodes that are no unknowns, as `sheet_values` does."""
+    flat = sheet.reshape(-1, sheet.shape[2])
     cut = space.cut_cells
     at_points = applied(with_rows(cut.interpolation, cut.hidden[:, 1]), values[cut.unknowns])
     flat[cut.hidden[:, 0]] = at_points

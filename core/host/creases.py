@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ..base.progress import ProgressCallback, phase, reporting
 from ..settings import GeometrySettings
-from ..shape.crease_lines import CreaseLine, find_creases
+from ..shape.crease_lines import CreaseLine, closing_creases, find_creases
 from .edge_marks import CreaseEdges
 from .inputs import MirroredSurface
 from .welding import Welded, welded
@@ -58,15 +58,25 @@ def creases_of(
 
 
 def lines_of(
-    surface: MirroredSurface, part: Welded, settings: GeometrySettings, angle: float | None
+    surface: MirroredSurface,
+    part: Welded,
+    settings: GeometrySettings,
+    angle: float | None,
+    with_left: bool = True,
 ) -> list[CreaseLine]:
-    """Find the creases of a welded part that are at least so strong, in degrees."""
+    """Find the creases of a welded part that are at least so strong, in degrees.
+
+    Those that stay are left out on request.
+    """
     angle = _LEAST if angle is None else angle
     edges = None if surface.edges is None else places_of(part)[surface.edges]
     if edges is not None:
         edges = edges[(edges >= 0).all(axis=1)]
     least = min(max(angle, _LEAST), _MOST)
-    lines = find_creases(part.mesh, settings, angle=least, edges=edges)
+    if with_left:
+        lines = find_creases(part.mesh, settings, angle=least, edges=edges)
+    else:
+        lines = closing_creases(part.mesh, settings, least, edges)
     return [line for line in lines if line.strength > angle]
 
 

@@ -14,7 +14,7 @@ from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
 from ..registry import find
 from ..settings import GeometrySettings
-from ..shape.crease_lines import CLOSES, SHARP, edges_of
+from ..shape.crease_lines import edges_of
 from .creases import lines_of, places_of
 from .edge_marks import CreaseEdges
 from .inputs import MirroredSurface
@@ -96,8 +96,8 @@ def filter_shape(
 def _creases(surface: MirroredSurface, part: Welded, settings: GeometrySettings) -> CreaseEdges:
     places, pairs = places_of(part), np.zeros((0, 2), dtype=np.intp)
     if settings.where == "creases" and not settings.is_neutral:
-        lines = lines_of(surface, part, settings, surface.sharp_angle)
-        pairs = edges_of(line for line in lines if line.state in (CLOSES, SHARP))
+        lines = lines_of(surface, part, settings, surface.sharp_angle, with_left=False)
+        pairs = edges_of(lines)
         for axis in (axis for axis in range(3) if surface.mirror[axis]):
             mirrored = _pairs(surface, part, axis)[pairs]
             pairs = np.concatenate([pairs, mirrored[(mirrored >= 0).all(axis=1)]])

@@ -27,6 +27,9 @@ from .inputs import Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
 from .mosaic import Mosaic
 from .recolored import Recolored, recolored
 
+_SURELY_PAINTED = 0.25
+"""Distance of a gain from 1, of white being 2, from which on a mask of a gain map is 1."""
+
 _ANALYSIS = 0.3  # of the time that a run takes
 
 
@@ -233,6 +236,29 @@ def _gains(surface: TexturedSurface, atlas: TextureAtlas, gain: float) -> Pixels
     baked = gains_of(atlas.bake(surface.faces.grays), gain)
     baked[~atlas.inside] = 1.0
     return baked if gains is None else baked * gains
+
+
+def mask_of_gain(grays: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """Return where a gain map was painted, for a mask of what it gave.
+
+    Parameters
+    ----------
+    grays : array of float
+        As in `gains_of`: middle gray is not painted.
+
+    Returns
+    -------
+    array of float32
+        0 for middle gray, 1 from a quarter of the way to black or white on, linear in between, so
+        that soft rims of strokes stay soft.
+
+    Examples
+    --------
+    >>> mask_of_gain([0.0, 0.5, 0.5 + 1 / 16, 1.0]).round(1).tolist()
+    [1.0, 0.0, 0.5, 1.0]
+    """
+    painted = np.abs(gains_of(grays, 2.0) - np.float32(1.0))
+    return np.minimum(painted * np.float32(1.0 / _SURELY_PAINTED), np.float32(1.0))
 
 
 def _guiding(guide: HostImage, size: tuple[int, int]) -> Pixels:

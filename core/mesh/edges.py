@@ -38,4 +38,14 @@ def half_edges_between(mesh: TriangleMesh, pairs: npt.NDArray[np.int64]) -> tupl
         each.min(axis=-1) * np.int64(mesh.vertex_count) + each.max(axis=-1)
         for each in (ends, pairs)
     )
-    return np.isin(keys, wanted), np.isin(wanted, keys)
+    half = _among(keys, wanted)
+    return half, np.isin(wanted, keys[half])
+
+
+def _among(keys: npt.NDArray[np.int64], wanted: npt.NDArray[np.int64]) -> _Bools:
+    # As `np.isin`, which sorts all keys, where few are wanted.
+    known = np.unique(wanted)
+    if len(known) == 0:
+        return np.zeros(keys.shape, dtype=bool)
+    places = np.searchsorted(known, keys)
+    return known[np.minimum(places, len(known) - 1)] == keys

@@ -17,6 +17,7 @@ from ..linear.system import LinearSystem
 from ..mesh.triangle_mesh import TriangleMesh
 from ..registry import Filter
 from ..repair.filling import fill_texture
+from ..repair.quarters import LESS, enlarged, reduced
 from ..settings import FillSettings
 from ..sparse.matrix import added, applied, from_triples, in_order, product, transposed
 from ..texture.gradient_domain import TextureSolver
@@ -96,6 +97,10 @@ def _fill(model: Textured, dtype: npt.DTypeLike, size: int) -> None:
     fill_texture(twice, half, image, missing=missing)
     image[:, size // 2 :] = 0
     fill_texture(twice, half, image)
+    # Larger textures begin with smaller ones.
+    atlas = TextureAtlas(mesh, uv, size=(LESS * (size // LESS),) * 2)
+    known = atlas.inside
+    enlarged(reduced(image[: len(known), : len(known)], known)[0], atlas, known)
 
 
 def _masks(model: Textured, size: int) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import LARGEST, by_keyword, checked_image
+from ..base.checks import LARGEST, SCALES, by_keyword, checked_image
 from ..base.progress import ProgressCallback, phase, reporting
 from ..color.image_sharpening import sharpen_image
 from ..mesh.triangle_mesh import TriangleMesh
@@ -15,11 +15,23 @@ from ..settings import EnlargeSettings, ImageSettings, given_or_default
 from ..texture.texels import Texture, checked_atlas, checked_content, gathered, written
 from .smoothest import share_of_first
 
+Singles = npt.NDArray[np.float32]
+
 _AROUND = 16
 """Texels around the charts that enlarging may read; it reaches less far."""
 
 _SAMPLE = 1 << 15
 """Most texels far from charts that are looked at."""
+
+_MOST = 0.75
+"""Share of them whose differences from their median are its noise."""
+
+_UNEVEN = 0.02, 0.06
+"""Noise, for white = 1, from which they are no plain background in part, and at all."""
+
+_DIFFERENT = 1 / 255, 6 / 255
+"""How much more than twice the noise a texel differs from the background, to count in part, and
+fully."""
 
 
 @by_keyword
@@ -101,14 +113,18 @@ def _widened(texture: Texture, settings: EnlargeSettings) -> npt.NDArray:
     around = settings.changed(gutter=_AROUND, background="nearest")
     settled, values = gathered(texture, around)
     wide = written(settled, values.copy(), around, texture.atlas.inside)
-    painted = _painted(texture.atlas, pixels)
+    painted = _painted(texture.atlas, pixels)[..., None]
     beside = texture.atlas.masks().active
     if painted.any() and settings.seams == "auto":
         # Where materials meet, what was painted goes on better than the nearest color.
         own = around.changed(seams="extend")
         alone = written(gathered(texture, own)[0], values, own, texture.atlas.inside)
         beside = beside | (wide == alone).all(axis=2)
-    np.copyto(wide, pixels, where=(painted & beside)[..., None])
+    mixed = wide + painted * (pixels.astype(np.float32) - wide)
+    if wide.dtype.kind == "u":
+        mixed = np.rint(mixed)
+    np.copyto(wide, mixed.astype(wide.dtype), where=(painted > 0) & beside[..., None])
+    np.copyto(wide, pixels, where=(painted == 1) & beside[..., None])
     return wide
 
 
@@ -132,16 +148,24 @@ def _enlarged(
         return np.where(shares > 0, mixed.astype(large.dtype), large)
 
 
-def _painted(atlas: TextureAtlas, pixels: npt.NDArray) -> npt.NDArray[np.bool_]:
-    # Texels beside the charts that hold something: not what most texels far from all charts do.
-    # Little of a narrow chart is covered wholly; the rest is known from these.
+def _painted(atlas: TextureAtlas, pixels: npt.NDArray) -> Singles:
+    # How far texels beside the charts hold something: not what lies far from all charts, if that is
+    # plain, up to its noise. Little of a narrow chart is covered wholly; the rest is known from
+    # these.
     active = atlas.masks().active
     beside = ~atlas.inside
     far = pixels[~active]
     if len(far) == 0:
-        return beside
-    far = far[:: -(-len(far) // _SAMPLE)]
-    colors, counts = np.unique(far, axis=0, return_counts=True)
-    if 2 * counts.max() < len(far):
-        return beside & active
-    return beside & (pixels != colors[counts.argmax()]).any(axis=2)
+        return beside.astype(np.float32)
+    scale = np.float32(SCALES[pixels.dtype.name])
+    far = far[:: -(-len(far) // _SAMPLE)] * scale
+    background = np.median(far, axis=0)
+    noise = float(np.quantile(np.abs(far - background).max(axis=1), _MOST))
+    plain = 1.0 - _rise(np.asarray(noise), _UNEVEN)
+    away = np.abs(pixels * scale - background).max(axis=2)
+    differs = _rise(away - 2.0 * noise, _DIFFERENT)
+    return np.where(beside, plain * differs + (1.0 - plain) * active, 0.0).astype(np.float32)
+
+
+def _rise(values: npt.NDArray, ends: tuple[float, float]) -> npt.NDArray:
+    return ((values - ends[0]) / (ends[1] - ends[0])).clip(0.0, 1.0)

@@ -10,11 +10,11 @@ from ..atlas import TextureAtlas
 from ..atlas.gutter import unit_normals
 from ..atlas.seams import settle_seams
 from ..atlas.sheet import ROWS
-from ..base.checks import LARGEST, SCALES, Floats, by_keyword, checked_image
+from ..base.checks import LARGEST, Floats, by_keyword, checked_image
 from ..base.parallel import run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.matrices import TextureSpace
-from ..elements.surface_values import sheet_values
+from ..elements.surface_values import hidden_values
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import FillSettings, given_or_default
@@ -32,14 +32,12 @@ from ..texture.texels import (
 from .grain import grain_of
 from .membrane import Holes
 from .missing import missing_texels
+from .quarters import LESS, enlarged, reduced
 
 _Single = npt.NDArray[np.float32]
 
-_LESS = 4
-"""By how much smaller the texture is from which a first guess is taken."""
-
 _LARGE = 512
-"""Height or width from which this saves time."""
+"""Height or width from which a first guess from a smaller texture saves time."""
 
 
 @by_keyword
@@ -214,58 +212,23 @@ def _first_guess(
     # What fills a texture of a quarter of the size, read at this size. Conjugate gradients need
     # a third of the iterations from there.
     pixels, mesh = texture.pixels, texture.atlas.mesh
-    height, width, channels = pixels.shape
-    if height % _LESS or width % _LESS or min(height, width) < _LARGE:
+    height, width = pixels.shape[:2]
+    if height % LESS or width % LESS or min(height, width) < _LARGE:
         return None
-    small = height // _LESS, width // _LESS
-    blocks = (small[0], _LESS, small[1], _LESS)
-    known = ~gone & texture.atlas.inside
-    counts = _summed(known.reshape(*blocks, 1))
-    if not counts.any():
+    means, lacking = reduced(pixels, texture.atlas.inside & ~gone)
+    if lacking.all():
         return None
-    scale = np.float32(SCALES[pixels.dtype.name])
-    shown = np.where(known[..., None], pixels, pixels.dtype.type(0))
-    mean = scale * _summed(shown.reshape(*blocks, channels)) / np.maximum(counts, 1)
-    lacking = (counts[..., 0] == 0).astype(np.float64)
     with phase(0.0, 0.2, "Filling"):
         quick = settings.changed(
             surface="membrane", find="auto", seams="continue", gutter=2, grain=0
         )
-        filled = fill_texture(mesh, uv, mean, quick, missing=lacking, normals=normals)
-    guess = _read(filled, texture.atlas, gone)
+        filled = fill_texture(
+            mesh, uv, means, quick, missing=lacking.astype(np.float64), normals=normals
+        )
+    guess = enlarged(filled, texture.atlas, gone & texture.atlas.inside)
     if texture.frames is not None:
         texture.frames.to_object(guess)
     return guess
-
-
-def _summed(values: npt.NDArray) -> _Single:
-    # Sums of blocks: (h, a, w, b, c) -> (h, w, c). Along rows first, which are whole in memory.
-    height, _, width, _, channels = values.shape
-    rows = values.reshape(height, _LESS, -1).sum(axis=1, dtype=np.float32)
-    return rows.reshape(height, width, _LESS, channels).sum(axis=2)
-
-
-def _read(small: _Single, atlas: TextureAtlas, gone: npt.NDArray[np.bool_]) -> _Single:
-    # The nodes of missing texels, interpolated linearly in an image `_LESS` times as small.
-    texels = np.flatnonzero(gone & atlas.inside)
-    sides = []
-    for numbers, count in zip(np.divmod(texels, atlas.width), small.shape[:2], strict=True):
-        place = (numbers.astype(np.float32) + np.float32(0.5)) / _LESS - np.float32(0.5)
-        np.clip(place, 0, count - 1, out=place)
-        low = np.minimum(place.astype(np.int32), count - 2)
-        sides.append((low, (place - low)[:, None]))
-    (row, down), (column, across) = sides
-    flat, width = small.reshape(-1, small.shape[2]), small.shape[1]
-    lines = []
-    for r in (row, row + 1):
-        first = r * width + column
-        left = flat[first]
-        lines.append(left + across * (flat[first + 1] - left))
-    result = np.zeros((*atlas.sheet.nodes.shape, small.shape[2]), dtype=np.float32)
-    nodes = result.reshape(-1, small.shape[2])
-    nodes[atlas.owners.reshape(-1)[texels]] = lines[0] + down * (lines[1] - lines[0])
-    nodes[atlas.copies[:, 0]] = nodes[atlas.copies[:, 1]]
-    return result
 
 
 def _filled(
@@ -296,8 +259,8 @@ def _filled(
     if is_plate:
         with phase(0.3, 1.0, "Filling"):
             holes.plate(unknowns, solver, "Filling")
-    result = values.copy()
-    sheet_values(space, unknowns, result)
+    result = unknowns[: len(flat)].reshape(values.shape)
+    hidden_values(space, unknowns, result)
     if grain is not None:
         result += grain
     if texture.unit:
@@ -312,5 +275,5 @@ def _filled(
 
 
 def _at_nodes(atlas: TextureAtlas, gone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    missing: npt.NDArray[np.bool_] = atlas.gather(gone.astype(np.float64)[..., None])[..., 0] > 0
+    missing: npt.NDArray[np.bool_] = atlas.gather(gone.view(np.uint8)[..., None])[..., 0] > 0
     return missing

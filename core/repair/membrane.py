@@ -3,20 +3,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
-from ..atlas.sheet import NOTHING
-from ..base.progress import phase
+from ..atlas.sheet import NOTHING, ROWS
+from ..base.parallel import kernel, run
+from ..base.progress import aside, phase
 from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
 from ..elements.sheet_matrix import SheetMatrix
 from ..errors import InvalidSignal, SolverError
 from ..mesh.nearest import nearest_point, point_tree
 from ..mesh.triangle_mesh import Ints
-from ..sparse.matrix import Sparse, rows_of
+from ..sparse.matrix import Sparse, applied, row_sums, rows_of
 from .missing import widened
 
 Singles = npt.NDArray[np.float32]
@@ -49,13 +48,6 @@ _ENOUGH = 5e-3
 _MOST_STEPS = 40
 
 _LEAST_MASS = 1e-3
-
-
-class _Dropped(NamedTuple):
-    # Couplings of unknowns with what is known, which the equations hold as constants.
-    of: npt.NDArray[np.integer]
-    to: npt.NDArray[np.integer]
-    values: npt.NDArray[np.floating]
 
 
 class Holes:
@@ -94,15 +86,19 @@ class Holes:
             )
         components = space.components
         sourced = np.zeros(int(components.max(initial=0)) + 1, dtype=np.bool_)
-        sourced[components[self.known]] = True
+        with aside("Measuring texels"):
+            run(_mark_parts, len(components), components, self.known, sourced)
         lost = missing & inside
         self._tolerance = _TOLERANCE
-        self.whole = space.matrix(1.0, lumped=True)
+        kept = widened(lost, 1) & inside
+        self.whole = space.matrix(1.0, lumped=True, where=kept)
         self.unknown = np.zeros(space.size, dtype=np.bool_)
         self.unknown[:nodes] = lost.reshape(-1)
         self._add_points()
-        self.adrift = self.unknown & ~sourced[np.maximum(components, 0)]
-        self._matrix, self._dropped = self._reduced(widened(lost, 1) & inside)
+        self.adrift = np.zeros(space.size, dtype=np.bool_)
+        if not sourced.all():
+            self.adrift = self.unknown & ~sourced[np.maximum(components, 0)]
+        self._matrix = self._reduced(kept)
 
     def _add_points(self) -> None:
         # Points along seams near missing nodes, link by link.
@@ -116,51 +112,41 @@ class Holes:
 
     def _links(self) -> tuple[Ints, Ints]:
         # The unknowns that the seam part couples, both ways.
-        whole = self.whole
-        sparse = Sparse(whole.start, whole.columns_, whole.values, 2 * (len(whole.seam),))
-        return whole.seam[rows_of(sparse)], whole.seam[whole.columns_]
+        seam, sparse = self.whole.seam, self._couplings()
+        return seam[rows_of(sparse)], seam[sparse.columns]
 
-    def _reduced(self, kept: Bools) -> tuple[SheetMatrix, _Dropped]:
+    def _couplings(self) -> Sparse:
+        # The seam part, over its own numbers.
+        whole = self.whole
+        return Sparse(whole.start, whole.columns_, whole.values, 2 * (len(whole.seam),))
+
+    def _reduced(self, kept: Bools) -> SheetMatrix:
         # The equations of the unknowns alone. Other nodes in `kept` stay for the stencil's sake,
         # each with an equation of its own whose solution is 0; all others are left out, which
         # saves most of the time.
         whole, unknown = self.whole, self.unknown
-        nodes, columns = whole.labels.size, whole.labels.shape[1]
-        # Memory that nobody writes to costs nothing, other than that of `np.zeros_like`.
+        nodes = whole.labels.size
         stencil = np.zeros(whole.stencil.shape, dtype=np.float32)
-        inner = unknown[:nodes].reshape(kept.shape)
-        parts: list[tuple[npt.NDArray, npt.NDArray, npt.NDArray]] = []
-        rows = len(kept)
-        for k, (down, right) in enumerate(((0, 1), (1, -1), (1, 0), (1, 1))):
-            there = np.zeros_like(inner)
-            low, high = max(right, 0), columns + min(right, 0)
-            there[: rows - down, low - right : high - right] = inner[down:, low:high]
-            np.copyto(stencil[k], whole.stencil[k], where=inner & there)
-            cut = np.flatnonzero(inner != there)
-            values = whole.stencil[k].reshape(-1)[cut]
-            cut, values = cut[values != 0], values[values != 0]
-            beside = cut + down * columns + right
-            mine = inner.reshape(-1)[cut]
-            parts.append((np.where(mine, cut, beside), np.where(mine, beside, cut), values))
-        of, to = self._links()
-        both = unknown[of] & unknown[to]
-        one = unknown[of] & ~unknown[to]
-        parts.append((of[one], to[one], whole.values[one]))
-        dropped = _Dropped(*(np.concatenate(each) for each in zip(*parts, strict=True)))
-        own = np.zeros(len(unknown), dtype=np.float64)
-        own -= np.bincount(dropped.of, dropped.values, len(own))
-        soft = self.adrift
-        own[soft] += whole.screen[soft] / _SOFT**2
-        alone = np.float32(_ALONE) * np.maximum(whole.screen, np.float32(1.0))
+        labels = np.full(whole.labels.shape, np.int32(NOTHING))
+        screen = np.zeros(len(unknown), dtype=np.float32)
+        with aside("Assembling"):
+            run(_keep_unknowns, len(kept), whole, unknown, kept, stencil, labels, screen,
+                chunk=ROWS)  # fmt: skip
+        mine, rows = unknown[whole.seam], rows_of(self._couplings())
+        both = mine[rows] & mine[whole.columns_]
+        one = mine[rows] & ~mine[whole.columns_]
+        screen[whole.seam] -= np.bincount(rows[one], whole.values[one], len(mine))
+        points = screen[nodes:]
+        alone = np.float32(_ALONE) * np.maximum(whole.screen[nodes:], np.float32(1.0))
+        np.copyto(points, alone, where=~unknown[nodes:])
+        soft = np.flatnonzero(self.adrift)
+        screen[soft] += whole.screen[soft] / np.float32(_SOFT**2)
         stays = np.ones(len(whole.seam), dtype=np.bool_)
         is_node = whole.seam < nodes
         stays[is_node] = kept.reshape(-1)[whole.seam[is_node]]
-        sparse_rows = np.repeat(np.arange(len(whole.seam)), np.diff(whole.start))
-        counts = np.bincount(sparse_rows[both], minlength=len(stays))[stays]
+        counts = np.bincount(rows[both], minlength=len(stays))[stays]
         start = np.concatenate([[0], np.cumsum(counts)]).astype(whole.start.dtype)
         number = (np.cumsum(stays) - 1).astype(whole.columns_.dtype)
-        labels = np.where(kept, whole.labels, np.int32(NOTHING))
-        screen = np.where(unknown, own, alone).astype(np.float32)
         return SheetMatrix(
             stencil,
             labels,
@@ -169,7 +155,7 @@ class Holes:
             start,
             number[whole.columns_[both]],
             whole.values[both],
-        ), dropped
+        )
 
     def start(self, values: Singles, guess: Singles | None) -> None:
         """Give first values to all that is missing, in place: (n, c), from a guess at nodes."""
@@ -230,22 +216,20 @@ class Holes:
     def membrane(self, values: Singles, message: str) -> SheetSolver:
         """Fill what is missing by a harmonic function, in place: (n, c)."""
         solver = SheetSolver(self._matrix)
-        product = np.zeros(values.shape, dtype=np.float32)
-        solver.apply(values, product)
-        unknown = np.flatnonzero(self.unknown)
         rhs = np.zeros(values.shape, dtype=np.float32)
-        rhs[unknown] = -product[unknown]
-        dropped = self._dropped
-        place = np.searchsorted(unknown, dropped.of)
-        for c in range(values.shape[1]):
-            known = dropped.values * values[dropped.to, c]
-            rhs[unknown, c] -= np.bincount(place, known, len(unknown))
-        soft = np.flatnonzero(self.adrift)
-        weights = (self.whole.screen[soft] / np.float32(_SOFT**2))[:, None]
-        rhs[soft] += weights * values[soft]
+        shape = self.whole.labels.shape
+        with aside(message):
+            run(_pull, shape[0], self.whole.stencil, self.unknown, values, rhs, chunk=ROWS)
+        seam = self.whole.seam
+        there = values[seam].astype(np.float64)
+        sparse = self._couplings()
+        pulls = applied(sparse, there) - row_sums(sparse)[:, None] * there
+        mine = self.unknown[seam]
+        rhs[seam[mine]] -= pulls[mine]
         change = np.zeros(values.shape, dtype=np.float32)
         solver.solve(rhs, change, self._tolerance, message=message)
-        values[unknown] += change[unknown]
+        with aside(message):
+            run(_add_where, len(values), self.unknown, change, values)
         return solver
 
     def plate(self, values: Singles, solver: SheetSolver, message: str) -> None:
@@ -298,6 +282,68 @@ class Holes:
                     break
         if not np.isfinite(values).all():
             raise SolverError("The thin plate has no solution; fill by the membrane.")
+
+
+@kernel
+def _mark_parts(start, stop, parts, known, sourced):
+    for i in range(start, stop):
+        if known[i]:
+            sourced[parts[i]] = True
+
+
+@kernel
+def _keep_unknowns(start, stop, whole, unknown, kept, stencil, labels, screen):
+    # Couplings with what is known are part of the diagonal.
+    columns = kept.shape[1]
+    for y in range(start, stop):
+        for x in range(columns):
+            if not kept[y, x]:
+                continue
+            i = y * columns + x
+            labels[y, x] = whole.labels[y, x]
+            if not unknown[i]:
+                screen[i] = np.float32(_ALONE) * max(whole.screen[i], np.float32(1.0))
+                continue
+            own = 0.0
+            for k in range(4):
+                step = 1 if k == 0 else columns + k - 2
+                right = 1 if k == 0 else k - 2
+                value = whole.stencil[k, y, x]
+                if unknown[i + step]:
+                    stencil[k, y, x] = value
+                else:
+                    own -= value
+                if not unknown[i - step]:
+                    own -= whole.stencil[k, y - (k > 0), x - right]
+            screen[i] = own
+
+
+@kernel
+def _pull(start, stop, stencil, unknown, values, rhs):
+    # The stiffness times the values, from differences, at the unknown nodes and with another sign.
+    columns = stencil.shape[2]
+    for y in range(start, stop):
+        for x in range(columns):
+            i = y * columns + x
+            if not unknown[i]:
+                continue
+            for k in range(4):
+                step = 1 if k == 0 else columns + k - 2
+                right = 1 if k == 0 else k - 2
+                ahead = stencil[k, y, x]
+                behind = stencil[k, y - (k > 0), x - right]
+                for c in range(values.shape[1]):
+                    value = values[i, c]
+                    rhs[i, c] -= ahead * (values[i + step, c] - value)
+                    rhs[i, c] -= behind * (values[i - step, c] - value)
+
+
+@kernel
+def _add_where(start, stop, where, change, values):
+    for i in range(start, stop):
+        if where[i]:
+            for c in range(values.shape[1]):
+                values[i, c] += change[i, c]
 
 
 def _at_ends(space: TextureSpace) -> Bools:

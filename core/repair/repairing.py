@@ -32,13 +32,13 @@ from ..settings import (
 from ..texture.denoising import beltrami_texture
 from ..texture.sharpening import dilate_texture, sharpen_texture
 from ..texture.stitching import stitch_textures
-from ..texture.texels import Texture, check_content, checked_atlas, values_of
+from ..texture.texels import Texture, check_content, checked_atlas, gathered, values_of
 from ..texture.textures_by_width import nodes_inside
 from .blocks import remove_blocks
 from .enlarging import enlarge_texture
 from .filling import fill_texture
 from .missing import missing_texels, unseen_texels
-from .noticeable import against_contrast, beside_detail
+from .noticeable import against_contrast, among_small, beside_detail, beside_seams
 
 _Bools = npt.NDArray[np.bool_]
 
@@ -338,8 +338,8 @@ def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -
         return result
     old, new = _in_singles(image, result)
     pixels = image.reshape(*image.shape[:2], -1)
-    far = np.abs(new - old).max(axis=2) / _STEP
-    shares = beside_detail(Texture(surface.atlas, pixels), new - old) / (1 + far**4)
+    shares = beside_detail(Texture(surface.atlas, pixels), new - old)
+    shares *= among_small(surface.atlas.inside, new - old, _STEP)
     return _mixed(image, result, shares, settings)
 
 
@@ -391,9 +391,17 @@ def _finished(
             sharp = sharpen_texture(mesh, uv, image, TextureSettings(**words), atlas=atlas)
             old, new = _in_singles(image, sharp)
             shares = np.float32(amount) * against_contrast(atlas.inside, old, new - old)
+            shares *= beside_seams(_with_seams(atlas, image, settings))
             image = _mixed(image, sharp, shares, settings)
     with phase(0.9, 1.0, "Filling the gutter"):
         return dilate_texture(mesh, uv, image, DilateSettings(**_common(settings)), atlas=atlas)
+
+
+def _with_seams(atlas: TextureAtlas, image: npt.NDArray, settings: RepairSettings) -> Texture:
+    # The image on an atlas that closes its seams where `settings.seams` says.
+    alpha, normals = _alpha_of(image, settings), settings.content == "normals"
+    texture = Texture(atlas, image.reshape(*image.shape[:2], -1), alpha, normals)
+    return gathered(texture, DilateSettings(**_common(settings)))[0]
 
 
 def _blur(

@@ -18,7 +18,7 @@ Bools = npt.NDArray[np.bool_]
 _POWER = 4
 """Of the ratio of both roughnesses: where one is half of the other, it gets 94 %."""
 
-_FAINT = (0.5 / 255) ** 2
+FAINT = (0.5 / 255) ** 2
 """Squared second differences that nobody sees."""
 
 
@@ -43,7 +43,7 @@ def share_of_first(texture: Texture, first: npt.NDArray, second: npt.NDArray) ->
     """
     atlas = texture.atlas
     one, other = (roughness(texture, each) for each in (first, second))
-    ratio = (one + _FAINT) / (other + _FAINT)
+    ratio = (one + FAINT) / (other + FAINT)
     shares = 1 / (1 + ratio**_POWER)
     inside = atlas.inside
     result = np.zeros(inside.shape, dtype=np.float32)

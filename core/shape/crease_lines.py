@@ -181,15 +181,41 @@ def find_creases(
     angle = checked_angle(angle, "angle", 5.0, 170.0)
     pairs = None if edges is None else checked_edges(mesh, edges)
     with reporting(progress):
-        if not is_scattered(mesh):
-            return _found(mesh, settings, angle, pairs)
-        ordered, order, _ = kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
-        if pairs is not None:
-            rank = np.empty(mesh.vertex_count, dtype=np.int64)
-            rank[order] = np.arange(mesh.vertex_count)
-            pairs = rank[pairs]
-        lines = _found(ordered, settings, angle, pairs)
-        return [replace(line, vertices=order[line.vertices]) for line in lines]
+        return _in_good_order(mesh, settings, angle, pairs, with_left=True)
+
+
+def closing_creases(
+    mesh: TriangleMesh,
+    settings: GeometrySettings,
+    angle: float,
+    edges: npt.NDArray[np.int64] | None = None,
+) -> list[CreaseLine]:
+    """Find those of `find_creases` that close or are sharp already, in less time.
+
+    Parameters
+    ----------
+    mesh, settings, angle, edges
+        As in `find_creases`, which checks them.
+    """
+    return _in_good_order(mesh, settings, angle, edges, with_left=False)
+
+
+def _in_good_order(
+    mesh: TriangleMesh,
+    settings: GeometrySettings,
+    angle: float,
+    pairs: npt.NDArray[np.int64] | None,
+    with_left: bool,
+) -> list[CreaseLine]:
+    if not is_scattered(mesh):
+        return _found(mesh, settings, angle, pairs, with_left)
+    ordered, order, _ = kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
+    if pairs is not None:
+        rank = np.empty(mesh.vertex_count, dtype=np.int64)
+        rank[order] = np.arange(mesh.vertex_count)
+        pairs = rank[pairs]
+    lines = _found(ordered, settings, angle, pairs, with_left)
+    return [replace(line, vertices=order[line.vertices]) for line in lines]
 
 
 def edges_of(lines: Iterable[CreaseLine]) -> npt.NDArray[np.intp]:
@@ -202,6 +228,7 @@ def _found(
     settings: GeometrySettings,
     angle: float,
     edges: npt.NDArray[np.int64] | None,
+    with_left: bool,
 ) -> list[CreaseLine]:
     hidden = None
     if edges is not None:
@@ -219,6 +246,8 @@ def _found(
         sided = np.where(turned > _TURNED, targets.sided, 1.0)
         states = np.where(closes, CLOSES, SHARP)
         given = _described(mesh, lines, turns, sided, found, angle, states)
+    if not with_left:
+        return given
     with phase(0.9, 1.0, "Tracing creases"):
         near = np.zeros(mesh.vertex_count)
         near[mesh.faces[chosen]] = 1.0

@@ -2,7 +2,8 @@
 """No fold is left behind: what a refit folds is slid flat, moved as its neighbours are, or undone.
 
 Not in the papers. A fold is an edge whose faces close beyond 140 degrees, and did not before; a
-face is turned over that is nearly a right angle off its target, and was not before.
+face is turned over that is nearly a right angle off its target, and was not before; and what has
+lost its area is as bad. What is nearly so is repaired in part, so that rounding never decides.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from ..base.parallel import kernel, run
 from ..base.progress import ask
 from ..base.vectors import cross, dot
 from ..mesh.adjacency import faces_around
+from ..mesh.calculus import greatest_to_faces, greatest_to_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
 _FOLD, _CLEAR, _ALREADY = np.cos(np.radians((140.0, 149.9, 150.1)))
@@ -31,14 +33,24 @@ _WORSE = 0.02
 _OFF = 0.05
 """Cosine of the angle to its target beyond which a face is turned over."""
 
+_NEARLY = 0.1
+"""Differences of cosines, before these bounds, within which a face is bad in part."""
+
+_GONE = 0.02, 0.1
+"""Shares of its area below which a face is bad, and its normal uncertain; and in part."""
+
 _STIFF = (200.0,) * 6 + (20.0,) * 3
 """How firmly vertices keep to the planes of their faces, round by round."""
 
 _SLIDES = 4
 """In each round."""
 
-_EVENED = 24
-"""Rounds in which vertices move as their neighbours do; after each eight, one ring farther."""
+_AROUND, _FARTHER = 2, 2.0
+"""A vertex ends at most so many times as far from where it was as any within so many edges had
+gone: a small move folds what a small one unfolds."""
+
+_EVENED = 8
+"""Rounds in which vertices move as their neighbours do."""
 
 _RETREATS, _RETURNS, _RETREAT = 8, 32, 0.6
 """Rounds in which vertices go part of the way back, and how much is left of it in each; after them
@@ -67,18 +79,28 @@ class FoldChecks:
 
     def bad_faces(self, moved: Floats, among: Indices) -> Indices:
         """Return those of some faces that are bad, sorted."""
+        return np.unique(among[self.grades(moved, among) >= 1])
+
+    def grades(self, moved: Floats, among: Indices) -> Floats:
+        """Grade some faces, sorted: 1 if they are bad, 0 if they are not, between if nearly."""
         mesh = self.mesh
-        bad = np.empty(len(among), dtype=np.bool_)
-        run(_find_bad, len(among), among, mesh.vertices, moved, mesh.faces, mesh.twins,
-            mesh.normals, self.targets, bad)  # fmt: skip
-        found = among[bad]
+        found = np.empty(len(among))
+        run(_grade, len(among), among, mesh.vertices, moved, mesh.faces, mesh.twins, mesh.normals,
+            mesh.areas, mesh.mean_edge_length**-2, self.targets, found)  # fmt: skip
         one, two = self._thick
         if len(one):
             folded = np.empty(len(one), dtype=np.bool_)
             run(_find_folded, len(one), one, two, mesh.vertices, moved, mesh.faces, mesh.normals,
                 folded)  # fmt: skip
-            found = np.concatenate([found, one[folded], two[folded]])
-        return np.unique(found)
+            found[np.isin(among, np.concatenate([one[folded], two[folded]]))] = 1.0
+        return found
+
+    def graded_near(
+        self, moved: Floats, faces: Indices, vertices: Indices
+    ) -> tuple[Indices, Floats]:
+        """Return some faces and those whose folds depend on some vertices, and their grades."""
+        among = np.union1d(faces, self.faces_near(vertices))
+        return among, self.grades(moved, among)
 
     def faces_near(self, vertices: Indices) -> Indices:
         """Return the faces whose folds depend on some vertices, sorted."""
@@ -109,11 +131,11 @@ def mended(
     """
     checks = FoldChecks(mesh, targets)
     near = checks.faces_near(np.flatnonzero(moved.any(axis=1)))
-    bad = checks.bad_faces(moved, near)
-    if len(bad) == 0:
+    grades = checks.grades(moved, near)
+    if not grades.any():
         return moved
     moved = moved.copy()
-    bad = _slide(checks, moved, bad, fixed)
+    bad = _slide(checks, moved, near, grades, fixed)
     bad = _even_out(checks, moved, bad, fixed)
     return _without(checks, moved, bad)
 
@@ -126,22 +148,40 @@ def undone(mesh: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
 
 
 def _slide(
-    checks: FoldChecks, moved: Floats, bad: Indices, fixed: npt.NDArray[np.bool_] | None
+    checks: FoldChecks,
+    moved: Floats,
+    among: Indices,
+    grades: Floats,
+    fixed: npt.NDArray[np.bool_] | None,
 ) -> Indices:
-    # Along the planes of their faces, to the mean of their neighbours.
+    # Along the planes of their faces, to the mean of their neighbours, as far as faces are bad.
+    # Borders stay: they would shrink. Returns the faces that still are bad.
     mesh = checks.mesh
+    still = np.zeros(mesh.vertex_count, dtype=np.bool_) if fixed is None else fixed.copy()
+    still[_border(mesh)] = True
+    most = np.linalg.norm(moved, axis=1)
+    for _ in range(_AROUND):
+        most = greatest_to_vertices(mesh, greatest_to_faces(mesh, most))
+    most *= _FARTHER
     for stiff in _STIFF:
-        if len(bad) == 0:
+        if not grades.any():
             break
         ask()
-        chosen = _free(np.unique(mesh.faces[bad]), fixed)
+        chosen, shares = _ends(mesh, among, grades, still)
         slides = np.empty((len(chosen), 3))
         for _ in range(_SLIDES):
             run(_find_slides, len(chosen), chosen, mesh.vertices, moved, mesh.faces, *mesh.corners,
                 mesh.areas, checks.targets, stiff, slides)  # fmt: skip
-            moved[chosen] += slides
-        bad = checks.bad_faces(moved, np.union1d(bad, checks.faces_near(chosen)))
-    return bad
+            moved[chosen] += shares * slides
+            _shorten(moved, chosen, most)
+        among, grades = checks.graded_near(moved, among[grades > 0], chosen)
+    return among[grades >= 1]
+
+
+def _shorten(moved: Floats, chosen: Indices, most: Floats) -> None:
+    lengths = np.linalg.norm(moved[chosen], axis=1)
+    far = lengths > most[chosen]
+    moved[chosen[far]] *= (most[chosen] / np.maximum(lengths, 1e-300))[far, None]
 
 
 def _even_out(
@@ -149,43 +189,61 @@ def _even_out(
 ) -> Indices:
     # Vertices move as their neighbours do, which keeps the input's shape.
     mesh = checks.mesh
-    start, ring = mesh.neighbours
-    for turn in range(_EVENED):
-        if len(bad) == 0:
+    among, grades = bad, np.ones(len(bad))
+    for _ in range(_EVENED):
+        if not (grades >= 1).any():
             break
         ask()
-        chosen = np.unique(mesh.faces[bad])
-        for _ in range(turn // 8):
-            chosen = np.unique(mesh.faces[faces_around(mesh.corners, chosen)])
-        chosen = _free(chosen, fixed)
+        chosen, shares = _ends(mesh, among, grades, fixed)
         means = np.empty((len(chosen), 3))
-        run(_average_moves, len(chosen), chosen, start, ring, moved, means)
-        moved[chosen] = means
-        bad = checks.bad_faces(moved, np.union1d(bad, checks.faces_near(chosen)))
-    return bad
+        run(_average_moves, len(chosen), chosen, *mesh.neighbours, moved, means)
+        moved[chosen] += shares * (means - moved[chosen])
+        among, grades = checks.graded_near(moved, among[grades > 0], chosen)
+    return among[grades >= 1]
 
 
 def _without(checks: FoldChecks, moved: Floats, bad: Indices) -> Floats:
     # Back, a little each time and at last all of the way, with more and more of what lies around.
     mesh = checks.mesh
     start, ring = mesh.neighbours
+    among, grades = bad, np.ones(len(bad))
     for turn in range(_RETREATS + _RETURNS):
-        if len(bad) == 0:
+        if not (grades >= 1).any():
             break
         ask()
-        chosen = np.unique(mesh.faces[bad])
         if turn < _RETREATS:
-            moved[chosen] *= _RETREAT
+            chosen, shares = _ends(mesh, among, grades)
+            moved[chosen] *= 1.0 - (1.0 - _RETREAT) * shares
         else:
+            chosen = np.unique(mesh.faces[among[grades >= 1]])
             moved[chosen] = 0.0
             chosen = np.unique(np.concatenate([ring[start[v] : start[v + 1]] for v in chosen]))
             moved[chosen] *= _RETREAT
-        bad = checks.bad_faces(moved, np.union1d(bad, checks.faces_near(chosen)))
+        among, grades = checks.graded_near(moved, among[grades > 0], chosen)
     return moved
 
 
-def _free(vertices: Indices, fixed: npt.NDArray[np.bool_] | None) -> Indices:
-    return vertices if fixed is None else vertices[~fixed[vertices]]
+def _ends(
+    mesh: TriangleMesh,
+    faces: Indices,
+    grades: Floats,
+    fixed: npt.NDArray[np.bool_] | None = None,
+) -> tuple[Indices, Floats]:
+    # The vertices of bad faces, but for fixed ones, and their worst grades: (k,), (k, 1).
+    worst = np.zeros(mesh.vertex_count)
+    np.maximum.at(worst, mesh.faces[faces], grades[:, None])
+    if fixed is not None:
+        worst[fixed] = 0.0
+    vertices = np.flatnonzero(worst)
+    return vertices, worst[vertices, None]
+
+
+def _border(mesh: TriangleMesh) -> Indices:
+    # The ends of edges with one face.
+    face, k = np.nonzero(mesh.twins < 0)
+    ends = np.sort(np.stack([mesh.faces[face, k], mesh.faces[face, (k + 1) % 3]], axis=1))
+    edges, counts = np.unique(ends, axis=0, return_counts=True)
+    return edges[counts == 1]
 
 
 def _pairs_at_thick_edges(mesh: TriangleMesh) -> tuple[Indices, Indices]:
@@ -210,6 +268,11 @@ def _pairs_at_thick_edges(mesh: TriangleMesh) -> tuple[Indices, Indices]:
 
 @kernel
 def _normal(vertices, moved, faces, f):
+    return _normal_and_area(vertices, moved, faces, f)[0]
+
+
+@kernel
+def _normal_and_area(vertices, moved, faces, f):
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     ux = vertices[b, 0] - vertices[a, 0] + (moved[b, 0] - moved[a, 0])
     uy = vertices[b, 1] - vertices[a, 1] + (moved[b, 1] - moved[a, 1])
@@ -219,31 +282,51 @@ def _normal(vertices, moved, faces, f):
     vz = vertices[c, 2] - vertices[a, 2] + (moved[c, 2] - moved[a, 2])
     large = max(abs(ux), abs(uy), abs(uz), abs(vx), abs(vy), abs(vz))
     if not large > 0:
-        return 0.0, 0.0, 0.0
+        return (0.0, 0.0, 0.0), 0.0
     s = 1.0 / large  # products of very large and very small numbers are none
     x, y, z = cross((s * ux, s * uy, s * uz), (s * vx, s * vy, s * vz))
     length = np.sqrt(x * x + y * y + z * z)
     if length > 0:
-        return x / length, y / length, z / length
-    return 0.0, 0.0, 0.0
+        return (x / length, y / length, z / length), 0.5 * length * large**2
+    return (0.0, 0.0, 0.0), 0.0
 
 
 @kernel
-def _find_bad(start, stop, among, vertices, moved, faces, twins, before, targets, bad):
+def _grade(start, stop, among, vertices, moved, faces, twins, before, areas, unit, targets, grades):
     for i in range(start, stop):
         f = among[i]
-        n = _normal(vertices, moved, faces, f)
-        off = dot(n, targets[f])
-        bad[i] = off < min(_OFF, dot(before[f], targets[f]) - _WORSE) and dot(n, n) > 0
+        n, area = _normal_and_area(vertices, moved, faces, f)
+        gone = _gone(unit * area, areas[f])
+        on = dot(before[f], targets[f])
+        grades[i] = gone
+        if area > 0:
+            least = min(_OFF, on - _WORSE)
+            grades[i] = max(grades[i], _graded(dot(n, targets[f]), least, on))
         for k in range(3):
-            if bad[i] or twins[f, k] < 0:
+            if twins[f, k] < 0:
                 continue
             g = twins[f, k] // 3
             bent = dot(before[f], before[g])
             least = bent - _WORSE
             if bent > _ALREADY:
                 least = min(max(min(_FOLD, least), _CLEAR), bent - _SAME)
-            bad[i] = dot(n, _normal(vertices, moved, faces, g)) < least
+            m, area = _normal_and_area(vertices, moved, faces, g)
+            certain = 1.0 - max(gone, _gone(unit * area, areas[g]))
+            grades[i] = max(grades[i], certain * _graded(dot(n, m), least, bent))
+
+
+@kernel
+def _gone(area, before):
+    # 1 where a face has lost its area, so that with a little more noise it would be turned over.
+    if before <= 0:
+        return 0.0
+    return min(max((_GONE[1] - area / before) / (_GONE[1] - _GONE[0]), 0.0), 1.0)
+
+
+@kernel
+def _graded(cosine, least, before):
+    # 1 below the least cosine, 0 well above it, and where nothing changed.
+    return min(max(1.0 - (cosine - least) / min(_NEARLY, before - least), 0.0), 1.0)
 
 
 @kernel

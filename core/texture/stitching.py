@@ -219,14 +219,15 @@ def _tell_choice(even_out: str, share: float) -> None:
     if even_out == "brightness" and share == 0:
         tell("Factors of brightness need values above 0; differences were added instead.")
     elif even_out == "auto" and share == 0:
-        tell("Even Out: Auto took differences, which are added.")
+        tell("Even Out: Auto took differences, which are added.", even_out="difference")
     elif even_out == "auto" and share == 1:
-        tell("Even Out: Auto took factors of brightness, which keep black.")
+        tell("Even Out: Auto took factors of brightness, which keep black.", even_out="brightness")
     elif even_out == "auto":
         tell(
             "Even Out: Auto took factors of brightness by {share:.0%}, and differences for the"
             " rest.",
             share=share,
+            even_out="auto",
         )
 
 

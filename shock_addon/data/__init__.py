@@ -19,7 +19,7 @@ LIVE_COLORS = "shock_filter_live_colors"
 """The same for live colors."""
 
 LIVE_TEXTURE = "shock_filter_live_texture"
-"""Key of the version in the node group of live textures."""
+"""Key of the version in the node group of live textures, and of how they were made in nodes."""
 
 LIVE_RESULT_OF = "shock_filter_live_result_of"
 """Key of the name of the mixing node among the properties of the node with its result."""
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
         live,
         materials,
         mesh,
+        mixes,
         replaced,
         shown,
         skipped,

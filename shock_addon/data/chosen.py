@@ -9,7 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from . import LIVE_COLORS, LIVE_SOURCE, LIVE_STAMP
-from .materials import active_image
+from .materials import active_image, masked_image
 from .skipped import Skipped, sentences
 
 CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
@@ -171,9 +171,10 @@ def mesh_refusal(mesh: bpy.types.Mesh) -> str:
 def shown_image(context: bpy.types.Context) -> bpy.types.Image:
     """Return the image to work on.
 
-    It is the one in the Image Editor, the one painted on in Texture Paint Mode, or that of the
-    active image texture node in the active object's material. If another node is active, it is the
-    image of the base color, or the only image.
+    It is the one in the Image Editor, or the one painted on in Texture Paint Mode; where that is
+    the mask of a live texture, the texture itself. Else it is that of the active image texture node
+    in the active object's material. If another node is active, it is the image of the base color,
+    or the only image.
 
     Raises
     ------
@@ -188,7 +189,7 @@ def shown_image(context: bpy.types.Context) -> bpy.types.Image:
     if context.mode == "PAINT_TEXTURE" and paint.mode == "IMAGE":
         if paint.canvas is None:
             raise Skipped("nothing is painted on; choose an image in the Texture Slots")
-        return paint.canvas
+        return masked_image(context.object, paint.canvas) or paint.canvas
     material = mesh_objects(context)[0].active_material
     if material is None:
         raise Skipped("it has no material; add one with an Image Texture node, or name an image")

@@ -16,11 +16,14 @@ from . import updating
 AUTO = "shock_filter_auto"
 """Key of the switch among the properties of a copy."""
 
-_REST = 0.3
-"""Seconds without a change before an update."""
+REST = 0.15
+"""Seconds without a change before an update; a change that comes later cancels it."""
+
+_QUIET = 1.0
+"""Seconds of an update before its progress is drawn, which takes time from it."""
 
 _LOOK = 0.05
-"""Seconds between looks while something happens; else `_REST` is."""
+"""Seconds between looks while something happens; else `REST` is."""
 
 _AWAKE = 3.0
 """Seconds after a change in which something happens."""
@@ -48,6 +51,12 @@ def is_on(obj: bpy.types.Object) -> bool:
     return _is_allowed and bool(obj.get(AUTO))
 
 
+def is_coming(obj: bpy.types.Object) -> bool:
+    """Whether a live copy that is out of date is about to be updated."""
+    is_running = _job is not None and _job is jobs.current() and obj.session_uid == _updated
+    return is_on(obj) and (is_running or obj.session_uid not in _refused)
+
+
 def switch(obj: bpy.types.Object, is_wanted: bool) -> None:
     """Turn Auto Update on or off; turning it on also allows it for this file."""
     global _is_allowed
@@ -60,7 +69,7 @@ def switch(obj: bpy.types.Object, is_wanted: bool) -> None:
 def start() -> None:
     """Look from now on."""
     if not bpy.app.timers.is_registered(_look):
-        bpy.app.timers.register(_look, first_interval=_REST)
+        bpy.app.timers.register(_look, first_interval=REST)
 
 
 def stop() -> None:
@@ -100,7 +109,7 @@ def run() -> None:
         try:
             window = bpy.context.window_manager.windows[0] if not bpy.app.background else None
             with bpy.context.temp_override(window=window) if window else nullcontext():
-                updating.update(obj, "INVOKE_DEFAULT", began=_note_job)
+                updating.update(obj, "INVOKE_DEFAULT", began=_note_job, with_textures=False)
         except RuntimeError as error:
             print(f"Shock Filter: {obj.name}: {error}")
 
@@ -108,6 +117,8 @@ def run() -> None:
 def _note_job() -> None:
     global _job
     _job = jobs.current()
+    if _job is not None:
+        _job.quiet_until = time.monotonic() + _QUIET
 
 
 def _look() -> float:
@@ -124,10 +135,10 @@ def _look() -> float:
             _job.cancel()  # its result would be out of date
             _refused.discard(_updated)
     elapsed = time.monotonic() - changed_at
-    if elapsed < _REST:
-        return max(_REST - elapsed, 0.01)
+    if elapsed < REST:
+        return max(REST - elapsed, 0.01)
     run()
-    return _LOOK if elapsed < _AWAKE else _REST
+    return _LOOK if elapsed < _AWAKE else REST
 
 
 def _is_busy() -> bool:

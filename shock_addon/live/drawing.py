@@ -6,12 +6,17 @@ from __future__ import annotations
 import bpy
 
 from .. import data
+from ..modes import Mode
 from ..operators.wrapping import draw_text
 from ..running import jobs
 from . import automatic, updating
 
 PAINTED = "Weight 1 shows the result: paint with 0 where the mesh shall stay as it was."
 """What to do in Weight Paint Mode."""
+
+WHITE_SHOWS = "White shows the result: paint with it where the image shall change."
+BLACK_SHOWS = "Black shows the result: paint with it where the image shall change."
+"""What to do in Texture Paint Mode."""
 
 _SAID = {
     "stale": "The mesh has other vertices, edges or faces now, so the live result is not shown:"
@@ -20,13 +25,18 @@ _SAID = {
 }
 
 
-def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the inputs of the active object's live result, and what can be done with it."""
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
+    """Draw the inputs of the active object's live results, and what can be done with them.
+
+    Those of textures only where a mode works on these.
+    """
     obj = context.object
-    modifiers = []
-    if obj is not None and obj.type == "MESH":
-        modifiers = data.chosen.live_modifiers(obj)
-    if not modifiers:
+    if obj is None or obj.type != "MESH":
+        return
+    modifiers = data.chosen.live_modifiers(obj)
+    is_texture = mode.data.handled_as == "textures"
+    texture = data.mixes.first_mixed(obj) if is_texture else None
+    if not modifiers and texture is None:
         return
     column = layout.column(align=True)
     column.use_property_decorate = False
@@ -34,19 +44,39 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         is_alone = len(modifiers) == 1 or modifier == data.chosen.live_modifier(obj)
         label = "Live Amount" if is_alone else "Live Colors"
         data.live.stacks.draw_input(column, modifier, data.live.graph.AMOUNT, label)
+    if texture is not None:
+        amount = texture[1].inputs[data.mixes.AMOUNT]
+        column.prop(amount, "default_value", text="Live Texture")
     row = column.row(align=True)
     row.enabled = jobs.current() is None
     row.operator("shock_filter.update_live")
     if data.chosen.live_source(obj) is not None:
         is_on = automatic.is_on(obj)
         row.operator("shock_filter.auto_update_live", depress=is_on)
-    row.operator("shock_filter.paint_live")
-    if obj.mode == "WEIGHT_PAINT" and _is_painted(obj, modifiers):
-        draw_text(layout, context, PAINTED, icon="INFO")
-    if obj.mode != "EDIT" and jobs.current() is None:
+    row.operator(f"shock_filter.paint_live{'' if texture is None else '_texture'}")
+    _draw_hints(layout, context, modifiers, texture)
+    is_asked = modifiers and obj.mode != "EDIT" and not automatic.is_coming(obj)
+    if is_asked and jobs.current() is None:
         found = data.live.watching.state_for_panel(obj, updating.state)
         if found in _SAID:
             draw_text(layout, context, _SAID[found], icon="ERROR")
+
+
+def _draw_hints(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    modifiers: list[bpy.types.Modifier],
+    texture: tuple[bpy.types.ShaderNodeTexImage, bpy.types.Node] | None,
+) -> None:
+    """Say what to paint with, while a mask is painted."""
+    obj = context.object
+    if obj.mode == "WEIGHT_PAINT" and _is_painted(obj, modifiers):
+        draw_text(layout, context, PAINTED, icon="INFO")
+    if obj.mode == "TEXTURE_PAINT" and texture is not None:
+        where, is_inverted = data.materials.live_mask(texture[1])
+        paint = context.tool_settings.image_paint
+        if where is not None and paint.mode == "IMAGE" and paint.canvas == where.image:
+            draw_text(layout, context, BLACK_SHOWS if is_inverted else WHITE_SHOWS, icon="INFO")
 
 
 def _is_painted(obj: bpy.types.Object, modifiers: list[bpy.types.Modifier]) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operators Update, Auto Update and Paint Where."""
+"""The operators Update, Auto Update, and Paint Where of meshes and of textures."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
+from ..data.skipped import Refused, explain
+from ..operators import poll as obstacles
 from ..operators.base import can_run
 from . import automatic, updating
-from .drawing import PAINTED
+from .drawing import BLACK_SHOWS, PAINTED, WHITE_SHOWS
 
 _GROUP = "Shock Filter"
 """The vertex group that is painted."""
@@ -127,8 +129,59 @@ class SHOCK_FILTER_OT_paint_live(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class SHOCK_FILTER_OT_paint_live_texture(bpy.types.Operator):
+    """Paint a mask of a live texture."""
+
+    bl_idname = "shock_filter.paint_live_texture"
+    bl_label = "Paint Where"
+    bl_description = (
+        "Paint where the result of a live texture is seen: in Texture Paint Mode, into the image"
+        " that its nodes take as Mask. A new one is black, or white where a gain map is painted;"
+        " paint with white"
+    )
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a live texture on the active object, in Object Mode or Texture Paint Mode."""
+        return can_run(cls, _texture_obstacle(context))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Add the image, let the nodes read it, and go to Texture Paint Mode."""
+        obj = context.object
+        node, mix = data.mixes.first_mixed(obj)
+        _, settings = data.live.recipes.noted(mix, data.LIVE_TEXTURE) or ("", {})
+        gain_map = bpy.data.images.get(settings.get("gain_map", ""))
+        try:
+            with data.mesh.meshes.object_mode(context):
+                mask, is_inverted = data.image.live_masks.to_paint([obj.name], node.image, gain_map)
+        except Refused as error:
+            self.report({"ERROR"}, explain(error))
+            return {"CANCELLED"}
+        data.image.canvas.paint_on(context, mask)
+        self.report({"INFO"}, pgettext_rpt(BLACK_SHOWS if is_inverted else WHITE_SHOWS))
+        return {"FINISHED"}
+
+
+def _texture_obstacle(context: bpy.types.Context) -> str:
+    obj = _active(context)
+    if obj is None:
+        return obstacles.of_meshes(context)
+    if obj.mode not in {"OBJECT", "TEXTURE_PAINT"}:
+        return "Go to Object Mode first."
+    if not obj.data.uv_layers:
+        return obstacles.of_unwrapped(context)
+    if not data.mixes.mixed([obj.name]):
+        return (
+            "Make a texture of the active object live first, by a filter of textures with the"
+            " output Live; one that is linked from another file cannot be."
+        )
+    return ""
+
+
 CLASSES = (
     SHOCK_FILTER_OT_update_live,
     SHOCK_FILTER_OT_auto_update_live,
     SHOCK_FILTER_OT_paint_live,
+    SHOCK_FILTER_OT_paint_live_texture,
 )

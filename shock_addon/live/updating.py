@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 from bpy.app.translations import pgettext_rpt
@@ -24,9 +24,69 @@ _BUSY = "{name} is in another mode; go to Object Mode first."
 _LOST = "{name} is a live copy of an object that was removed; nothing can be updated."
 
 
+class Step(NamedTuple):
+    """A run that makes results again.
+
+    Attributes
+    ----------
+    operator : str
+    settings : dict
+        Its properties, and others that it does not know.
+    objects : list of int
+        Uids of the objects that it works on.
+    """
+
+    operator: str
+    settings: dict[str, Any]
+    objects: list[int]
+
+
+def steps_of(obj: bpy.types.Object, with_textures: bool = True) -> list[Step]:
+    """List the runs that make the live results of an object again: colors, shape, textures."""
+    recipes = data.live.recipes.all_noted(obj.data)
+    found = [Step(*recipe, [obj.session_uid]) for recipe in recipes]
+    for node, mix in data.mixes.mixed([obj.name]) if with_textures else []:
+        recipe = data.live.recipes.noted(mix, data.LIVE_TEXTURE)
+        step = None if recipe is None else _of_texture(obj, node, mix, recipe)
+        if step is not None and step not in found:
+            found.append(step)
+    return found
+
+
+def _of_texture(
+    obj: bpy.types.Object,
+    node: bpy.types.ShaderNodeTexImage,
+    mix: bpy.types.Node,
+    recipe: data.live.recipes.Recipe,
+) -> Step | None:
+    """Return the run that makes a texture's result again; None if it is that of other objects.
+
+    A live copy shows the materials of its source, and is none of those that the texture is made of.
+    """
+    operator, settings = recipe
+    names = settings.get("objects", [])
+    if obj.name not in names and data.LIVE_SOURCE in obj:
+        return None
+    others = [
+        each
+        for each in bpy.context.view_layer.objects
+        if each.name in names and each != obj and _shows(each, mix)
+    ]
+    if "\n" not in settings.get("result", ""):  # names may have changed since
+        result = data.mixes.result_of(mix)
+        settings["image"] = node.image.name
+        shown = None if result is None else result.image
+        settings["result"] = "" if shown is None else shown.name
+    return Step(operator, settings, [obj.session_uid, *(each.session_uid for each in others)])
+
+
+def _shows(obj: bpy.types.Object, mix: bpy.types.Node) -> bool:
+    return any(mix == own for _, own in data.mixes.mixed([obj.name]))
+
+
 def obstacle(obj: bpy.types.Object | None) -> str:
     """Return why an object cannot be updated, in the language of the interface; empty if it can."""
-    if obj is None or obj.type != "MESH" or not data.live.recipes.all_noted(obj.data):
+    if obj is None or obj.type != "MESH" or not is_live(obj):
         return pgettext_rpt(_NOT_LIVE).format(name="" if obj is None else obj.name)
     if obj.mode != "OBJECT":
         return pgettext_rpt(_BUSY).format(name=obj.name)
@@ -35,15 +95,25 @@ def obstacle(obj: bpy.types.Object | None) -> str:
     return ""
 
 
+def is_live(obj: bpy.types.Object) -> bool:
+    """Whether anything says how results of a mesh object can be made again."""
+    if data.live.recipes.all_noted(obj.data):
+        return True
+    mixes = [mix for _, mix in data.mixes.mixed([obj.name])]
+    return any(data.live.recipes.noted(mix, data.LIVE_TEXTURE) for mix in mixes)
+
+
 def update(
     obj: bpy.types.Object,
     how: str = "EXEC_DEFAULT",
     is_undoable: bool = False,
     began: Callable[[], None] = lambda: None,
+    with_textures: bool = True,
 ) -> set[str]:
     """Run the filters that made live results, with their settings, on this object alone.
 
-    One runs after the other; what follows one that was cancelled is left out.
+    Textures are made of all objects that theirs was made of. One runs after the other; what follows
+    one that was cancelled is left out.
 
     Parameters
     ----------
@@ -54,6 +124,8 @@ def update(
         Whether it is a step of undo.
     began : callable
         Called after the start of each run.
+    with_textures : bool
+        Whether textures are made again, too.
 
     Raises
     ------
@@ -63,23 +135,23 @@ def update(
     reason = obstacle(obj)
     if reason:
         raise RuntimeError(reason)
-    return _run_each(obj, data.live.recipes.all_noted(obj.data), how, is_undoable, began)
+    return _run_each(obj, steps_of(obj, with_textures), how, is_undoable, began)
 
 
 def _run_each(
     obj: bpy.types.Object,
-    recipes: list[data.live.recipes.Recipe],
+    steps: list[Step],
     how: str,
     is_undoable: bool,
     began: Callable[[], None],
 ) -> set[str]:
     done: set[str] = set()
-    for number, recipe in enumerate(recipes):
-        rest = recipes[number + 1 :]
+    for number, step in enumerate(steps):
+        rest = steps[number + 1 :]
         is_written = bool(done)
         try:
             done = set()
-            done = _run(obj, recipe, how, is_undoable and not rest)
+            done = _run(step, how, is_undoable and not rest)
         finally:  # the runs before have changed something
             if is_written and is_undoable and done.isdisjoint({"FINISHED", "RUNNING_MODAL"}):
                 bpy.ops.ed.undo_push(message="Update")
@@ -94,7 +166,7 @@ def _run_each(
 def _after(
     job: jobs.Job | None,
     uid: int,
-    recipes: list[data.live.recipes.Recipe],
+    steps: list[Step],
     how: str,
     began: Callable[[], None],
 ) -> None:
@@ -109,7 +181,7 @@ def _after(
         window = windows[0] if windows and not bpy.app.background else None
         try:
             with bpy.context.temp_override(window=window) if window else nullcontext():
-                _run_each(obj, recipes, how, True, began)
+                _run_each(obj, steps, how, True, began)
         except RuntimeError as error:
             print(f"Shock Filter: {obj.name}: {error}")
         return None
@@ -121,15 +193,17 @@ def _start(look: Callable[[], float | None]) -> None:
     bpy.app.timers.register(look, first_interval=_LOOK)
 
 
-def _run(
-    obj: bpy.types.Object, recipe: tuple[str, dict[str, Any]], how: str, is_undoable: bool
-) -> set[str]:
-    name, settings = recipe
-    operator = getattr(bpy.ops.shock_filter, name)
+def _run(step: Step, how: str, is_undoable: bool) -> set[str]:
+    operator = getattr(bpy.ops.shock_filter, step.operator)
     known = operator.get_rna_type().properties
-    values = {key: value for key, value in settings.items() if key in known}
+    values = {key: value for key, value in step.settings.items() if key in known}
+    there = {obj.session_uid: obj for obj in bpy.data.objects}
+    objects = [there[uid] for uid in step.objects if uid in there]
     with bpy.context.temp_override(
-        selected_objects=[obj], selected_editable_objects=[obj], active_object=obj, object=obj
+        selected_objects=objects,
+        selected_editable_objects=objects,
+        active_object=objects[0],
+        object=objects[0],
     ):
         return operator(how, is_undoable, **values)
 

@@ -12,6 +12,7 @@ import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
+from ...core.settings import describe
 from .. import data
 from ..data.skipped import Refused, Skipped, as_reason, explain, listed, sentences
 from ..kinds import Data
@@ -193,8 +194,13 @@ class FilterOperator(ModalJob):
 
     @property
     def advice(self) -> str:
-        """Return advice if little has changed; empty if the filter has reported the reason."""
-        return "" if self._findings else self.row.advice
+        """Return advice if little has changed; empty if the filter has reported the reason.
+
+        What it chose where a setting is left to it is none.
+        """
+        choices = describe(self.row.target(self).row.settings).keys()
+        reasons = [each for _, each in self._findings if not each.values.keys() & choices]
+        return "" if reasons else self.row.advice
 
     def notes(self, written: list[Written]) -> str:
         """Return remarks on data that was not changed although it affects the appearance."""
@@ -349,9 +355,9 @@ class FilterOperator(ModalJob):
         return 0.0
 
 
-def _choices(parameters: Any, target: Target, finding: Finding, scale: float) -> dict[str, Found]:
+def _choices(operator: Any, target: Target, finding: Finding, scale: float) -> dict[str, Found]:
     """Return what was chosen where settings were left to the filter, by their properties."""
-    names = [name for name in target.fields if getattr(parameters, name + AUTO, False)]
+    names = [name for name in target.fields if getattr(operator, name + AUTO, False)]
     chosen = {}
     for name in names:
         value = finding.values.get(name.removeprefix(target.prefix))
@@ -361,6 +367,12 @@ def _choices(parameters: Any, target: Target, finding: Finding, scale: float) ->
             text = data.lengths.in_scene(value * edge) if edge > 0 else f"{value:.3g}"
             said = data.lengths.in_both(value, edge) if hasattr(value, "edge") else text
             chosen[name] = Found(float(value), text, said)
+    for name in target.fields:
+        value = finding.values.get(name.removeprefix(target.prefix))
+        if getattr(operator, name, "") == "auto" and isinstance(value, str) and value != "auto":
+            item = operator.properties.bl_rna.properties[name].enum_items[value]
+            words = pgettext_iface(item.name)
+            chosen[name] = Found(value, words, words)
     return chosen
 
 

@@ -149,8 +149,16 @@ def _draw_setting(
     Beside the switch stands what the last run chose, and a button that keeps that.
     """
     switch = name + AUTO
+    of_panel = isinstance(parameters, bpy.types.PropertyGroup)
+    found = found_by(context, mode.group, name) if of_panel else None
     if not hasattr(parameters, switch):
         row.prop(parameters, name)
+        if found is not None and getattr(parameters, name) == "auto":
+            row = row.row(align=True)
+            keep = row.operator(
+                "shock_filter.keep_auto", text=found.text, icon="PINNED", translate=False
+            )
+            keep.mode, keep.name = mode.group, name
         return
     title = parameters.bl_rna.properties[name].name
     row = row.row(heading=title, align=True)
@@ -159,8 +167,6 @@ def _draw_setting(
         row.prop(parameters, switch, text=word, toggle=True)
         row.prop(parameters, name, text="")
         return
-    of_panel = isinstance(parameters, bpy.types.PropertyGroup)
-    found = found_by(context, mode.group, name) if of_panel else None
     if found is None:
         row.prop(parameters, switch, text=word, toggle=True)
         return

@@ -116,6 +116,10 @@ class GenerateOperator(FilterOperator):
         return " ".join(dict.fromkeys([*first.target.notes, *self._notes, *first.result.notes]))
 
 
+FROM_SELECTED = "shock_filter_selected_to_active"
+"""Name of the context pointer by which the button Selected to Active is known."""
+
+
 class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
     """Bake several maps of the shape in one run."""
 
@@ -127,7 +131,16 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
     )
     bl_options = {"REGISTER", "UNDO"}
 
-    obstacle = staticmethod(obstacles.of_unwrapped)
+    @staticmethod
+    def obstacle(context: bpy.types.Context) -> str:
+        """Return the obstacle; for the button Selected to Active, also that one is selected."""
+        found = obstacles.of_unwrapped(context)
+        if not found and hasattr(context, FROM_SELECTED):
+            is_alone = len(data.chosen.mesh_objects(context)) < 2
+            found = (
+                "Select the detailed objects, and last the one to bake onto." if is_alone else ""
+            )
+        return found
 
     from_selected: bpy.props.BoolProperty(
         name="Selected to Active",

@@ -19,14 +19,15 @@ class Found(NamedTuple):
 
     Attributes
     ----------
-    value : float
+    value : float or str
+        The identifier of a choice, or a number.
     text : str
         In the scene's units, for the field.
     said : str
         As reports say it, also in the units that the field has.
     """
 
-    value: float
+    value: float | str
     text: str
     said: str
 

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..data.skipped import Refused, Skipped, sentences
 from . import poll as obstacles
-from .base import Written, counted
+from .base import Done, Written, counted
 from .images import OneImageOperator
 
 
@@ -77,9 +77,8 @@ class TextureOperator(OneImageOperator):
         With Replace nothing is mixed with it any more.
         """
         if self.output == "LIVE":
-            mask = bpy.data.images.get(getattr(self, "mask_image", ""))
-            is_inverted = getattr(self, "invert_mask", False)
             with data.mesh.meshes.object_mode(bpy.context):
+                mask, is_inverted = self._live_mask(target.objects, source)
                 data.image.mixing.show(target.objects, source, image, mask, is_inverted)
         elif self.output == "REPLACE":
             if data.image.mixing.remove(target.objects, source):
@@ -90,6 +89,41 @@ class TextureOperator(OneImageOperator):
             # Texture Paint Mode looks for the materials' images when it is entered.
             with data.mesh.meshes.object_mode(bpy.context):
                 self._notes += data.image.textures.assign(target.objects, source, image)
+
+    def _live_mask(
+        self, objects: list[str], source: bpy.types.Image
+    ) -> tuple[bpy.types.Image | None, bool]:
+        """Return what new nodes take as their mask, and whether it is inverted."""
+        mask = bpy.data.images.get(getattr(self, "mask_image", ""))
+        if mask is not None:
+            return mask, self.invert_mask
+        gain_map = bpy.data.images.get(getattr(self, "gain_map", ""))
+        if gain_map is None:
+            return None, False
+        mask, is_kept = data.image.live_masks.of_gain(objects, source, gain_map)
+        if is_kept:
+            text = pgettext_rpt(
+                "{mask} was painted on, so it stayed; where the gain map is painted elsewhere by"
+                " now, paint the mask, too."
+            )
+            self._notes.append(text.format(mask=mask.name))
+        return mask, False
+
+    def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
+        """Write all images; live ones note how they can be made again."""
+        done = super().write(context, results)
+        if self.output == "LIVE":
+            values = {name: getattr(self, name) for name in self.row.names_for(self)}
+            values |= {"image": self.image, "result": self.result}
+            for target, image, _ in done[0]:
+                if image.session_uid != target.image_uid:
+                    self._note_recipe(target, values | {"objects": target.objects})
+        return done
+
+    def _note_recipe(self, target: Any, values: dict[str, Any]) -> None:
+        old = data.image.images.find_image(target)
+        for _, mix in data.mixes.mixed(target.objects, old):
+            data.live.recipes.note(mix, self.row.operator, values, data.LIVE_TEXTURE)
 
     def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count objects and pixels."""

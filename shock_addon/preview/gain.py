@@ -96,10 +96,10 @@ class Painting:
             parameters = parameters_of(context.scene, mode)
             parameters.gain_map = gain_map.name
             target, _ = data.image.textures.read_texture(context, image, parameters, True)
-            _keep(undo, settings, "image", "gain_map")
+            data.image.canvas.keep(undo, settings, "image", "gain_map")
             # Else the painted image would be taken for the texture, or the stand-in for the image.
             settings.image, settings.gain_map = image.name, gain_map.name
-            _paint_on(context, gain_map, undo)
+            data.image.canvas.paint_on(context, gain_map, undo)
             self.stage = _Stage(image, gain_map, target.surface)
             undo.callback(self.stage.end)
             self.preview = Preview(mode, parameters, self.stage)
@@ -142,30 +142,6 @@ def _new_map(image: bpy.types.Image) -> bpy.types.Image:
     gain_map.pack()
     gain_map.use_fake_user = True
     return gain_map
-
-
-def _keep(undo: ExitStack, owner: Any, *names: str) -> None:
-    """Set properties back if painting cannot begin."""
-    for name in names:
-        undo.callback(setattr, owner, name, getattr(owner, name))
-
-
-def _paint_on(context: bpy.types.Context, gain_map: bpy.types.Image, undo: ExitStack) -> None:
-    paint = context.tool_settings.image_paint
-    _keep(undo, paint, "canvas", "mode")
-    paint.mode, paint.canvas = "IMAGE", gain_map
-    mode = context.object.mode
-    if mode != "TEXTURE_PAINT":
-        undo.callback(lambda: bpy.ops.object.mode_set(mode=mode))
-        bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
-    shading = getattr(context.space_data, "shading", None)
-    if shading is None or shading.type not in {"SOLID", "WIREFRAME"}:
-        return
-    _keep(undo, shading, "color_type", "type")
-    try:
-        shading.type = "MATERIAL"
-    except TypeError:  # Workbench has none, nor have other engines
-        shading.type, shading.color_type = "SOLID", "TEXTURE"
 
 
 def is_workbench(space: bpy.types.SpaceView3D) -> bool:

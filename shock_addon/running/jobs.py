@@ -7,6 +7,7 @@ The work must not use bpy. Its result is applied on the main thread.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,9 @@ Work = Callable[[Callable[[float, str], bool]], Any]
 
 _INTERVAL = 0.03
 """Seconds between two looks whether a job has ended."""
+
+_CALM = 0.2
+"""Seconds between two drawings of the progress, which take time from the job."""
 
 _SETTLED = 0.3
 """Seconds after which each window has had an event from a timer."""
@@ -45,6 +49,8 @@ class Job:
         The current step.
     outcome : set of str
         What the operator returned at the end of its run; empty before, and if it was dropped.
+    quiet_until : float
+        When its progress is shown first, by `time.monotonic`.
     """
 
     def __init__(self, work: Work) -> None:
@@ -53,6 +59,7 @@ class Job:
         self.fraction = 0.0
         self.message = "Preparing"
         self.outcome: set[str] = set()
+        self.quiet_until = 0.0
         self._cancelled = threading.Event()
         executor = ThreadPoolExecutor(1, thread_name_prefix="shock-filter-job")
         self._future = executor.submit(work, self._progress)
@@ -98,7 +105,7 @@ class _Wait:
     def __init__(self, operator: ModalJob, context: bpy.types.Context, work: Work) -> None:
         self.operator = operator
         self.job = Job(work)
-        self._status = StatusText()
+        self._status, self._drawn_next = StatusText(), 0.0
         self._timer = context.window_manager.event_timer_add(_INTERVAL, window=context.window)
         _waits.append(self)
 
@@ -108,7 +115,11 @@ class _Wait:
         return is_freed(self.operator)
 
     def show(self, context: bpy.types.Context) -> None:
-        """Show the progress."""
+        """Show the progress, but not again and again."""
+        now = time.monotonic()
+        if now < max(self.job.quiet_until, self._drawn_next):
+            return
+        self._drawn_next = now + _CALM
         status = iface_("{message}: {fraction:.0%} (Esc cancels)").format(
             message=iface_(self.job.message), fraction=self.job.fraction
         )
@@ -208,6 +219,12 @@ def current() -> Job | None:
     """Return the job of a modal operator, if one is under way."""
     jobs = [wait.job for wait in _waits if not wait.is_forsaken]
     return jobs[-1] if jobs else None
+
+
+def shown() -> Job | None:
+    """Return the job whose progress is shown, if one is under way."""
+    job = current()
+    return None if job is None or time.monotonic() < job.quiet_until else job
 
 
 def stop_all() -> None:

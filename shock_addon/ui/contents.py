@@ -17,7 +17,7 @@ from ..operators import base as operators
 from ..operators import comparing, drawing, linking, statistics
 from ..operators import poll as obstacles
 from ..operators.filtering import operator_of
-from ..operators.generating import MAPS
+from ..operators.generating import FROM_SELECTED, MAPS
 from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
 from ..preview import painting
@@ -42,7 +42,7 @@ def draw_main(panel: Panel, context: bpy.types.Context) -> None:
     if mode.key == "geometry":
         _draw_creases(layout, context, enabled=not obstacle)
     if context.space_data.type == "VIEW_3D":
-        live_drawing.draw(layout, context)
+        live_drawing.draw(layout, context, mode)
     if flow_shown.shown_object() is not None and context.space_data.type == "VIEW_3D":
         layout.operator("shock_filter.hide_flow")
     problem = kernels.problem()
@@ -79,7 +79,8 @@ def draw_maps(panel: Panel, context: bpy.types.Context) -> None:
     column.scale_y = 1.2
     for from_selected, text in ((False, "Bake All"), (True, "Selected to Active")):
         row = column.row()
-        row.enabled = not from_selected or len(data.chosen.mesh_objects(context)) > 1
+        if from_selected:
+            row.context_pointer_set(FROM_SELECTED, context.scene)
         button = row.operator("shock_filter.bake_maps", text=iface_(text), translate=False)
         button.from_selected, button.image_size = from_selected, settings.image_size
     _draw_report(layout, context, panel.mode(context), settings, obstacle, MAPS)
@@ -120,7 +121,7 @@ def _draw_report(
     key: str = "",
 ) -> None:
     """Draw why nothing can be done, or what was done last; the key is that of the mode if empty."""
-    if jobs.current() is not None:
+    if jobs.shown() is not None:
         return
     # Else Blender draws the first line as the bar that was there, until the mouse moves.
     layout.separator(factor=0.01)
@@ -315,9 +316,9 @@ def _draw_buttons(
 ) -> None:
     """Draw the main button, or how far a run is, and those below it."""
     column = layout.column()
-    if jobs.current() is not None:
+    enabled = enabled and jobs.current() is None
+    if jobs.shown() is not None:
         _draw_progress(column)
-        enabled = False
     else:
         main = column.column()
         main.enabled = enabled

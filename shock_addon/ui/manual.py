@@ -38,6 +38,7 @@ _OPERATORS = {
     "update_live": "live#after-edits",
     "auto_update_live": "live#of-what-modifiers-make",
     "paint_live": "live",
+    "paint_live_texture": "live#textures",
 }
 """The places of operators that are not filters."""
 

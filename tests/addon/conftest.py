@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 import shock_filter
+import wooden
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -114,3 +115,9 @@ def painted_sheet():
         return obj
 
     return add
+
+
+@pytest.fixture
+def wood():
+    """Return an image with a soft border, on a sheet that shows it by Emission."""
+    return wooden.add_wood()

@@ -121,6 +121,7 @@ def context(monkeypatch):
     context = Context()
     context.blender = Blender(context)
     monkeypatch.setattr(jobs, "bpy", context.blender)
+    monkeypatch.setattr(jobs, "_CALM", 0.0)
     monkeypatch.setattr(status_text, "bpy", context.blender)
     yield context
     assert context.is_clean()
@@ -588,3 +589,16 @@ def test_an_object_with_another_mesh_is_skipped(target):
     box.data = other
     assert written(read, results)[0] == []
     np.testing.assert_array_equal(read_positions(other), before)
+
+
+def test_a_quiet_run_is_shown_later(context, monkeypatch):
+    operator = Operator()
+    operator.run_job(context, waiting_work)
+    job = jobs.current()
+    job.quiet_until = time.monotonic() + 60.0
+    operator.modal(context, TIMER)
+    assert jobs.shown() is None and not context.window.workspace.status
+    job.quiet_until = 0.0
+    operator.modal(context, TIMER)
+    assert jobs.shown() is job and context.window.workspace.status
+    operator.cancel(context)

@@ -449,8 +449,9 @@ def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path, monkeypa
     bpy.context.view_layer.update()
     assert not automatic.due()
     bpy.ops.shock_filter.auto_update_live()
-    assert automatic.due() == [copy]
+    assert automatic.due() == [copy] and automatic.is_coming(copy)
     automatic.wait()  # as undo does, which brings changes of its own
+    assert not automatic.is_coming(copy)  # so that the panel says that it is out of date
     operand.location.x = 0.75
     bpy.context.view_layer.update()
     automatic._look()
@@ -488,7 +489,7 @@ def test_a_change_meanwhile_ends_an_update(joined_cubes, monkeypatch):
     assert not asked
     operand.location.x = 0.7
     bpy.context.view_layer.update()
-    assert automatic._look() == pytest.approx(0.3, abs=0.1)
+    assert automatic._look() == pytest.approx(automatic.REST, abs=0.1)
     assert asked == ["cancel"] and not automatic._refused  # it comes again, after an undo too
     monkeypatch.setattr(automatic, "_updated", -1)
     operand.location.x = 0.8

@@ -196,7 +196,7 @@ def both_live(painted):
 def test_an_update_of_both_stops_where_one_is_cancelled(painted, monkeypatch, failing):
     box, runs, steps = both_live(painted), [], []
 
-    def run(obj, recipe, how, is_undoable):
+    def run(step, how, is_undoable):
         runs.append((how, is_undoable))
         return {"CANCELLED"} if len(runs) == failing + 1 else {"FINISHED"}
 
@@ -212,8 +212,8 @@ def test_an_update_of_both_stops_where_one_is_cancelled(painted, monkeypatch, fa
 def test_an_update_of_both_goes_on_when_the_first_run_ends(painted, monkeypatch, outcome):
     box, runs, looks, job = both_live(painted), [], [], SimpleNamespace(outcome=set())
 
-    def run(obj, recipe, how, is_undoable):
-        runs.append((obj, recipe[0], how))
+    def run(step, how, is_undoable):
+        runs.append((step.objects, step.operator, how))
         return {"RUNNING_MODAL"}
 
     monkeypatch.setattr(updating, "_run", run)
@@ -224,7 +224,8 @@ def test_an_update_of_both_goes_on_when_the_first_run_ends(painted, monkeypatch,
     monkeypatch.setattr(updating.jobs, "current", lambda: None)
     job.outcome = {outcome}
     assert looks[0]() is None
-    both = [(box, "sharpen_colors", "INVOKE_DEFAULT"), (box, "sharpen_geometry", "INVOKE_DEFAULT")]
+    names, own = ("sharpen_colors", "sharpen_geometry"), [box.session_uid]
+    both = [(own, name, "INVOKE_DEFAULT") for name in names]
     assert runs == (both if outcome == "FINISHED" else both[:1])
 
 

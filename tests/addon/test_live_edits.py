@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 import shock_filter
 from shock_filter.shock_addon.data import arrays
-from shock_filter.shock_addon.data.chosen import is_live, live_modifier, live_modifiers
+from shock_filter.shock_addon.data.chosen import live_modifier, live_modifiers
 from shock_filter.shock_addon.data.live import coloring, graph, movement, stacks
 from shock_filter.shock_addon.data.mesh.meshes import read_positions
+from shock_filter.shock_addon.live import updating
 
 SMALL, LARGE = 100, 6000
 """Vertices of the objects that are edited."""
@@ -275,12 +276,14 @@ def paint(editing, obj):
         bpy.ops.shock_filter.paint_live()
 
 
+def paint_texture(editing, obj):
+    if bpy.ops.shock_filter.paint_live_texture.poll():
+        said(bpy.ops.shock_filter.paint_live_texture)
+
+
 def update(editing, obj):
-    if is_live(obj):
-        try:
-            shock_filter.live.update(obj)
-        except RuntimeError as error:  # a sentence
-            assert str(error).strip().endswith("."), error
+    if updating.is_live(obj):
+        said(lambda: shock_filter.live.update(obj))
 
 
 def press(editing, obj):
@@ -365,7 +368,7 @@ EDITS = [
     *(go_through_modes, edit_mesh, join, duplicate, make_single_user, append, link),
     *(undo_and_redo, save_and_open, amount, paint, update, update, press, press, swap, apply),
     *(press_colors, press_colors, denoise_both, paint_colors, change_colors),
-    *(press_texture, press_texture, change_material, remove),
+    *(press_texture, press_texture, change_material, paint_texture, remove),
 ]
 
 

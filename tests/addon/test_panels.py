@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panels and menu entries, drawn on a layout that checks each call against Blender's own."""
 
+import time
 from types import SimpleNamespace
 
 import bpy
@@ -12,7 +13,7 @@ from shock_filter.shock_addon.flow import showing as flow_shown
 from shock_filter.shock_addon.live import updating
 from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find, modes_of
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import choosing, keeping, linking, statistics
+from shock_filter.shock_addon.operators import choosing, generating, keeping, linking, statistics
 from shock_filter.shock_addon.running import jobs, kernels
 from shock_filter.shock_addon.ui import menus, panels
 
@@ -436,7 +437,7 @@ def test_the_image_editor_says_nothing_of_other_images(rounded_box):
 
 
 def test_the_panel_shows_the_progress(monkeypatch):
-    job = SimpleNamespace(fraction=0.5, message="Tracing flow-lines")
+    job = SimpleNamespace(fraction=0.5, message="Tracing flow-lines", quiet_until=0.0)
     monkeypatch.setattr(jobs, "current", lambda: job)
     layout = Layout()
     drawn = draw(panels.SHOCK_FILTER_PT_main, layout=layout)
@@ -444,6 +445,10 @@ def test_the_panel_shows_the_progress(monkeypatch):
     _, *others = words(drawn, "operator")  # the first one cancels
     assert set(others) <= set(layout.gray)
     assert not {name for (name,) in others} & {"shock_filter.sharpen_geometry"}
+    job.quiet_until = time.monotonic() + 60.0
+    layout = Layout()
+    drawn = draw(panels.SHOCK_FILTER_PT_main, layout=layout)
+    assert not words(drawn, "progress") and ("shock_filter.sharpen_geometry",) in layout.gray
 
 
 def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):
@@ -601,6 +606,40 @@ def test_painting_where_says_what_to_paint_with(rounded_box):
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
+def test_a_live_texture_has_its_amount_and_says_what_to_paint_with(wood):
+    kept, amounts = bpy.context.scene.shock_filter, ("prop", "default_value")
+    for mode in ("TEXTURE", "GEOMETRY"):
+        kept.mode = mode
+        assert amounts not in draw(panels.SHOCK_FILTER_PT_main)
+        bpy.ops.shock_filter.sharpen_texture(output="LIVE", image=wood.name)
+        drawn = draw(panels.SHOCK_FILTER_PT_main)
+        assert (amounts in drawn) == (mode == "TEXTURE")
+        buttons = [each[0] for each in words(drawn, "operator") if isinstance(each, tuple)]
+        own = {"shock_filter.update_live", "shock_filter.paint_live_texture"}
+        assert own & set(buttons) == (own if mode == "TEXTURE" else set())
+    kept.mode = "TEXTURE"
+    hint = "White shows the result"
+    assert hint not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    bpy.ops.shock_filter.paint_live_texture()
+    drawn = draw(panels.SHOCK_FILTER_PT_main)
+    assert hint in " ".join(words(drawn, "label"))
+    assert "Will sharpen: Wood" in words(drawn, "label")  # not the mask
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_selected_to_active_says_why_it_is_gray(rounded_box, select):
+    bake = bpy.ops.shock_filter.bake_maps
+    one, other = rounded_box(), rounded_box(location=(4, 0, 0))
+    for objects in ([one], [one, other]):
+        select(*objects)
+        with bpy.context.temp_override(**{generating.FROM_SELECTED: bpy.context.scene}):
+            assert bake.poll() == (len(objects) == 2)
+            if len(objects) == 1:
+                with pytest.raises(RuntimeError, match="and last the one to bake onto"):
+                    bake(from_selected=True)
+        assert bake.poll()  # scripts and Bake All
+
+
 def test_link_is_offered_while_a_generated_image_waits(rounded_box, monkeypatch):
     rounded_box()
     assert "into" not in words(draw(panels.SHOCK_FILTER_PT_main), "operator_menu_enum")
@@ -628,7 +667,9 @@ def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypa
     monkeypatch.setattr(Layout, "unfolds", True)
     assert "Folded of maps." in words(draw(cls, layout=unfolded), "label")
     monkeypatch.setattr(
-        jobs, "current", lambda: SimpleNamespace(fraction=0.5, message="Baking maps")
+        jobs,
+        "current",
+        lambda: SimpleNamespace(fraction=0.5, message="Baking maps", quiet_until=0.0),
     )
     assert "Bake All" not in words(draw(cls), "operator")
 

@@ -23,6 +23,7 @@ from shock_filter.core.settings import (
     _Settings,
     describe,
 )
+from shock_filter.shock_addon.data.mesh import shading
 from shock_filter.shock_addon.data.mesh.geometry import read_geometry
 from shock_filter.shock_addon.data.mesh.meshes import read_active, read_positions, write_positions
 from shock_filter.shock_addon.data.mesh.shading import read_marks
@@ -124,6 +125,25 @@ def test_creases_are_marked_meanwhile_and_marks_come_back(rounded_box, size):
     running.end()
     marks = read_marks(box.data)
     assert marks[0] and marks.sum() == 1
+
+
+@pytest.mark.parametrize("normals", ["KEEP", "RECOMPUTE", "CLEAR"])
+def test_custom_normals_are_shown_as_the_button_leaves_them_and_come_back(rounded_box, normals):
+    """Where Blender stores them so that they come back bit for bit, since 4.5."""
+    box = rounded_box(cuts=20)
+    box.data.normals_split_custom_set([(0.6, 0.0, 0.8)] * len(box.data.loops))
+    bpy.context.scene.shock_filter.geometry.custom_normals = normals
+    before, turns = stored(box), shading.read_turns(box.data)
+    running = begun("geometry")
+    settle(running)
+    is_shown = normals != "KEEP" and turns is not None
+    assert read_marks(box.data).any() == is_shown
+    if turns is not None:
+        assert shading.read_turns(box.data).any() != is_shown
+    running.end()
+    assert stored(box) == before
+    if turns is not None:
+        np.testing.assert_array_equal(shading.read_turns(box.data), turns)
 
 
 @pytest.mark.parametrize(("name", "value"), [("mark_sharp", False), ("output", "SHAPE_KEY")])

@@ -10,6 +10,7 @@ from shock_filter import core
 from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import keeping
 from shock_filter.shock_addon.preview import images as preview_images
 
 stitch_textures = bpy.ops.shock_filter.stitch_textures
@@ -125,6 +126,18 @@ def test_a_small_radius_keeps_what_lies_farther_away(charts):
     assert "Even Out: Auto took" in operators.summaries["stitch"]
     one, other = values_of_charts(read("Bake stitched"))
     assert abs(one[:, -3:] - other[:, :3]).max() > 0.8 * STEP
+
+
+def test_what_even_out_took_can_be_kept_and_hides_no_advice(charts):
+    stitch_textures(radius=1000.0)
+    chosen = keeping.found_by(bpy.context, "stitch", "even_out")
+    said = operators.summaries["stitch"]
+    assert "Auto took differences" in said and chosen.text == "Difference"
+    assert "need a larger Radius" not in said  # much has changed
+    assert bpy.ops.shock_filter.keep_auto(mode="stitch", name="even_out") == {"FINISHED"}
+    assert bpy.context.scene.shock_filter.stitch.even_out == "difference"
+    stitch_textures(image="Bake stitched", radius=1000.0)  # hardly anything is left to do
+    assert "steps that are still seen need a larger Radius" in operators.summaries["stitch"]
 
 
 def test_at_seams_alone_the_rest_stays(charts):

@@ -115,6 +115,20 @@ def test_clean_rims_are_enlarged_with_what_is_across_the_seams():
     assert decibels(result[inside], fine[inside]) > of_alone + 6
 
 
+def test_a_noisy_background_is_no_more_painted_than_a_plain_one():
+    blocks = Blocks(waves(64), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=blocks.texture().shape[:2])
+    around = ~atlas.inside[..., None]
+    plain = np.where(around, np.float32(0.1), blocks.texture())
+    noise = 1e-3 * np.random.default_rng(0).normal(size=plain.shape).astype(np.float32)
+    one, other = (
+        core.enlarge_texture(mesh, blocks.uv, image, core.EnlargeSettings(factor=2))
+        for image in (plain, plain + around * noise)
+    )
+    assert np.abs(one - other).max() < 0.01
+
+
 def test_the_picture_without_a_fault_at_the_rims_is_taken():
     blocks = Blocks(waves(128), 0.4)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)

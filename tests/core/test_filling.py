@@ -8,6 +8,7 @@ from scipy import ndimage
 from shapes import grid, icosphere
 from shock_filter import core
 from shock_filter.core.repair.missing import unseen_texels
+from shock_filter.core.repair.quarters import enlarged, reduced
 
 
 def linear(x, y):
@@ -202,6 +203,25 @@ def test_large_textures_begin_with_smaller_ones():
     hole = np.hypot(x - 0.4, x.T - 0.6) < 0.3
     result = core.fill_texture(mesh, uv, image, missing=hole)
     assert np.abs(result - image)[hole].max() < 5e-3
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+def test_reading_a_reduced_ramp_gives_the_ramp_and_what_is_unknown_does_not_count(dtype):
+    *_, atlas = ball()
+    ramp = np.broadcast_to(2.0 * np.arange(96)[:, None, None], (96, 96, 2))
+    image = ramp.astype(dtype)
+    known = np.ones((96, 96), dtype=bool)
+    image[:4, :4], known[:4, :4] = 250, False
+    image[8:12, ::2], known[8:12, ::2] = 250, False
+    means, lacking = reduced(image, known)
+    assert lacking.sum() == 1 and lacking[0, 0] and (means[0, 0] == 0).all()
+    white = 255.0 if dtype == np.uint8 else 1.0
+    middles = np.broadcast_to(ramp[1::4, 1::4] + 1.0, means.shape)
+    np.testing.assert_allclose(white * means[1:], middles[1:], rtol=1e-5)
+    where = atlas.inside.copy()
+    where[:6] = where[-2:] = False
+    found = enlarged(means, atlas, where).reshape(-1, 2)[atlas.owners]
+    np.testing.assert_allclose(white * found[where], ramp[where], rtol=1e-4)
 
 
 def test_what_cannot_be_filled_is_refused():

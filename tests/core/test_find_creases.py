@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from shapes import cube, icosphere, rotation, shuffled
 from shock_filter import core
 from shock_filter.core.mesh.calculus import smooth_vertices
+from shock_filter.core.shape.crease_lines import closing_creases
 
 CRISP = "closes", "sharp"
 MADE = {"box": parts.box, "bracket": parts.bracket, "cog": parts.cog, "fillets": parts.filleted}
@@ -161,3 +162,15 @@ def test_higher_angles_leave_weaker_creases_out():
     assert not crisp(core.find_creases(mesh, angle=120))
     with pytest.raises(core.InvalidSettings, match="5 to 170"):
         core.find_creases(mesh, angle=0)
+
+
+@pytest.mark.parametrize("in_order", [True, False])
+def test_those_that_close_are_found_alone(in_order):
+    mesh = parts.remeshed(parts.filleted()[0], 72)
+    if not in_order:
+        mesh = core.TriangleMesh(*shuffled(mesh.vertices, mesh.faces)[:2])
+    lines = core.find_creases(mesh, angle=10.0)
+    alone = closing_creases(mesh, core.GeometrySettings(), 10.0)
+    wanted = [line.vertices.tolist() for line in crisp(lines)]
+    assert 0 < len(wanted) < len(lines)
+    assert [line.vertices.tolist() for line in alone] == wanted

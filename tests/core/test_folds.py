@@ -121,3 +121,25 @@ def test_thin_places_are_told_with_the_size_that_would_do():
         tell_lost(mesh, lost)
     assert str(found[0]).startswith("Places that are thinner than 2 edges and stay: 2. Remesh")
     assert 0.2 < found[0].values["size"] < 0.5
+
+
+def test_faces_that_lose_their_area_get_it_back(box):
+    # A vertex in the middle of an edge's line: no fold yet, but any rounding would make one.
+    moved = np.zeros(box.vertices.shape)
+    f = int(np.argmax(box.areas))
+    a, b, c = box.faces[f]
+    moved[a] = 0.5 * (box.vertices[b] + box.vertices[c]) - box.vertices[a]
+    checks = FoldChecks(box, box.normals)
+    assert f in checks.bad_faces(moved, np.arange(box.face_count))
+    after = box.moved_to(box.vertices + mended(box, box.normals, moved, None))
+    assert after.areas[f] > 0.02 * box.areas[f]
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_little_more_of_a_move_mends_little_more(box, seed):
+    # The repair grows with the fold: no step where an angle passes a bound.
+    moved = shaken(box, 1.0, seed)
+    sizes = np.linspace(0.0, 0.6, 1201)
+    ends = np.array([mended(box, box.normals, size * moved, None) for size in sizes])
+    steps = np.linalg.norm(np.diff(ends, axis=0), axis=2).max(axis=1) / box.mean_edge_length
+    assert steps.max() < 0.1

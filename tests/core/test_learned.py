@@ -302,11 +302,11 @@ def test_it_moves_turns_scales_and_reorders_with_the_mesh():
     moved = core.TriangleMesh(40.0 * mesh.vertices @ turn.T + shift, mesh.faces)
     back = (core.denoise_geometry(moved) - shift) @ turn / 40.0
     assert np.linalg.norm(back - out, axis=1).mean() < 5e-3 * size
-    vertices, faces, v, _ = shuffled(mesh.vertices, mesh.faces)
-    other = core.denoise_geometry(core.TriangleMesh(vertices, faces))[v]
-    far = np.linalg.norm(other - out, axis=1)
-    # A few faces are so near to a decision that rounding decides.
-    assert np.quantile(far, 0.99) < 2e-2 * size and far.mean() < 5e-3 * size
+    for seed in (0, 1, 3):  # orders in which faces without area were turned over by rounding
+        vertices, faces, v, _ = shuffled(mesh.vertices, mesh.faces, seed)
+        other = core.denoise_geometry(core.TriangleMesh(vertices, faces))[v]
+        far = np.linalg.norm(other - out, axis=1)
+        assert far.max() < 0.02 * size and far.mean() < 1e-3 * size
 
 
 def test_scattered_meshes_are_filtered_as_sorted_ones():

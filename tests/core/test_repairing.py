@@ -6,7 +6,12 @@ import pytest
 from atlases import Blocks
 from scipy.ndimage import gaussian_filter, minimum_filter
 from shock_filter import core
-from shock_filter.core.repair.noticeable import against_contrast, beside_detail
+from shock_filter.core.repair.noticeable import (
+    against_contrast,
+    among_small,
+    beside_detail,
+    beside_seams,
+)
 from shock_filter.core.repair.repairing import _blur
 from shock_filter.core.texture.texels import Texture
 
@@ -212,3 +217,29 @@ def test_a_step_at_a_seam_counts_by_how_it_stands_out_from_detail(model):
     )
     assert np.median(smooth_part) > 0.8
     assert np.median(fine_part) < 0.1
+
+
+def test_small_changes_among_large_ones_are_left():
+    inside = np.ones((48, 48), dtype=bool)
+    change = np.zeros((48, 48, 3), dtype=np.float32)
+    change[:, 24] = 0.01
+    change[24:, 24] = 0.2
+    change[40, 24] = 0.01
+    shares = among_small(inside, change, 0.05)
+    assert shares[8, 24] > 0.99  # alone
+    assert shares[40, 24] < 0.05
+    assert shares[34, 24] < 0.01  # large itself
+    change[:] = 0.05
+    np.testing.assert_allclose(among_small(inside, change, 0.05), 0.5, atol=1e-3)
+
+
+def test_dark_rims_of_charts_are_not_sharpened(model):
+    _, _, image, atlas = model
+    inside = atlas.inside[..., None]
+    dark = gaussian_filter(np.where(inside, image, 0).astype(float), (1, 1, 0)).astype(np.uint8)
+    sound, spoiled = (beside_seams(Texture(atlas, each)) for each in (image, dark))
+    deep = minimum_filter(atlas.inside, 9)
+    assert (sound[deep] == 1).all() and (spoiled[deep] == 1).all()
+    rims = atlas.inside & ~minimum_filter(atlas.inside, 3)
+    assert np.median(sound[rims]) > 0.6
+    assert np.median(spoiled[rims]) < 0.2

@@ -390,4 +390,4 @@ def test_a_mesh_that_repeating_collapses_is_an_error(soft_cube, monkeypatch):
     shrink = lambda mesh, *rest: (-mesh.vertices, None)  # noqa: E731
     monkeypatch.setattr(fit, "displacement", shrink)
     with pytest.raises(core.InvalidMesh, match="shrunk"):
-        core.sharpen_geometry(soft_cube, core.GeometrySettings(repeat=2))
+        core.sharpen_geometry(soft_cube, core.GeometrySettings(repeat=2, where="everywhere"))

@@ -28,10 +28,16 @@ def test_the_copy_follows_its_source(report, capsys):
     seen = report["followed"]
     with capsys.disabled():
         seconds = ", ".join(f"{each:.2f}" for each in seen["seconds"])
-        print(f"\nby hand: {seen['by_hand']:.2f} s; by itself: {seconds} s")
+        shown = ", ".join(f"{each:.2f}" for each in seen["shown"])
+        print(f"\nby hand: {seen['by_hand']:.2f} s; by itself: {seconds} s, drawn: {shown} s")
     assert seen["noticed"] == "moved"
     assert set(seen["states"]) == {"fresh"}
     assert seen["after"]["positions"] != seen["before"]["positions"]
+
+
+def test_keep_takes_what_the_field_shows_after_an_auto_update(report):
+    shown, kept = report["followed"]["kept"]
+    assert kept == pytest.approx(shown) and shown > 0.0
 
 
 def test_undo_and_redo_bring_back_each_state(report):

@@ -11,11 +11,13 @@ from .. import importing
 if TYPE_CHECKING:
     from . import (  # noqa: F401
         baked,
+        canvas,
         fields,
         flows,
         images,
         in_world,
         linking,
+        live_masks,
         maps,
         mixing,
         sequences,

@@ -140,10 +140,10 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     if fits and is_as_written(image):
         write_parts(image, parts, pack=True)
     elif source.source == "TILED":
-        image = new_tiled_like(source, _name(source.name, suffix), parts)
+        image = new_tiled_like(source, name_with(source.name, suffix), parts)
     else:
         height, width = parts[UNTILED].shape[:2]
-        image = new_like(source, _name(source.name, suffix), (width, height))
+        image = new_like(source, name_with(source.name, suffix), (width, height))
         write_parts(image, parts, pack=True)
     _written[image.session_uid] = digest_of(image)
     return image
@@ -165,7 +165,7 @@ def is_result(image: bpy.types.Image, suffix: str) -> bool:
     return image.session_uid in _written or unnumbered.endswith(f" {suffix}")
 
 
-def _name(old: str, suffix: str) -> str:
+def name_with(old: str, suffix: str) -> str:
     """Append the suffix to a name without its file ending, unless the name has it."""
     unnumbered = re.sub(_NUMBER, "", old)
     if unnumbered.endswith(f" {suffix}"):

@@ -9,7 +9,7 @@ import bpy
 
 from ....core.settings import Setting
 from ..chosen import mesh_users
-from ..materials import colors_surface, image_nodes, is_live_result, live_mix
+from ..materials import colors_surface, image_nodes, is_beside, live_mix
 from ..skipped import Skipped, sentences
 
 _ON_THE_WAY = {"REROUTE", "SEPARATE_COLOR", "COMBINE_COLOR", "CURVE_RGB", "INVERT", "GAMMA"}
@@ -51,7 +51,7 @@ def maps_of(context: bpy.types.Context, image: bpy.types.Image) -> Maps:
         node
         for each in materials
         for node in image_nodes(each)
-        if node.image is not None and not is_live_result(node)
+        if node.image is not None and not is_beside(node)
     ]
     places = {_coordinates(node) for node in nodes if node.image == lead}
     followers: dict[bpy.types.Image, str] = {}

@@ -7,19 +7,14 @@ it; a node beside that of the image holds the result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import bpy
 
 from .. import LIVE_RESULT_OF, LIVE_TEXTURE
-from ..materials import image_nodes, is_live_result, live_mix
-from .textures import materials_of
+from ..materials import MASK, live_mix
+from ..mixes import AMOUNT, NEW, OLD, mixed, nodes_of, result_of
 
 NAME = "Shock Filter Texture"
 VERSION = 1
-
-AMOUNT, MASK, OLD, NEW = "Amount", "Mask", "Old", "New"
-"""Inputs of the group, beside the opacities."""
 
 _OPACITY = "{} Opacity"
 _COPIED = ("interpolation", "projection", "projection_blend", "extension")
@@ -47,13 +42,13 @@ def show(
     is_inverted : bool
         Whether the result is seen where the mask is black.
     """
-    for node in _nodes(names, old):
+    for node in nodes_of(names, old):
         mix = live_mix(node)
         if mix is None:
             mix = _insert(node)
             if mask is not None:
-                _link_mask(node, mask, is_inverted)
-        result = _result_of(mix) or _add_result(node, mix)
+                link_mask(node, mask, is_inverted)
+        result = result_of(mix) or _add_result(node, mix)
         if not _reads(mix.inputs[NEW], result):
             _link(result, mix, NEW)
         result.image = new
@@ -61,10 +56,10 @@ def show(
 
 def remove(names: list[str], old: bpy.types.Image) -> bool:
     """Take these nodes away again, so that the image is seen; return whether there were any."""
-    found = [node for node in _nodes(names, old) if live_mix(node) is not None]
-    for node in found:
-        tree, mix = node.id_data, live_mix(node)
-        result = _result_of(mix)
+    found = mixed(names, old)
+    for node, mix in found:
+        tree = node.id_data
+        result = result_of(mix)
         for output, own in zip(mix.outputs, node.outputs, strict=True):
             for link in list(output.links):
                 tree.links.new(own, link.to_socket)
@@ -76,26 +71,8 @@ def remove(names: list[str], old: bpy.types.Image) -> bool:
 
 def results(names: list[str], old: bpy.types.Image) -> list[bpy.types.ShaderNodeTexImage]:
     """List the nodes with results of an image, in the materials of the objects of these names."""
-    mixes = [live_mix(node) for node in _nodes(names, old)]
-    found = [_result_of(mix) for mix in mixes if mix is not None]
+    found = [result_of(mix) for _, mix in mixed(names, old)]
     return [node for node in found if node is not None]
-
-
-def _nodes(names: list[str], old: bpy.types.Image) -> Iterator[bpy.types.ShaderNodeTexImage]:
-    # Those with the image in materials of this file, but for results of a run on its result.
-    for material in materials_of(names):
-        for node in image_nodes(material):
-            is_own = node.id_data.library is None and material.library is None
-            if node.image == old and is_own and not is_live_result(node):
-                yield node
-
-
-def _result_of(mix: bpy.types.Node) -> bpy.types.ShaderNodeTexImage | None:
-    # Others may be linked where it was; of copies, that which is linked is meant.
-    linked = [link.from_node for link in mix.inputs[NEW].links]
-    marked = [each for each in mix.id_data.nodes if each.get(LIVE_RESULT_OF) == mix.name]
-    own = [each for each in linked if LIVE_RESULT_OF in each]
-    return next((each for each in (*own, *marked) if each.type == "TEX_IMAGE"), None)
 
 
 def _reads(socket: bpy.types.NodeSocket, node: bpy.types.Node) -> bool:
@@ -111,9 +88,10 @@ def _mask_label(mix: bpy.types.Node) -> str:
     return f"{MASK} of {mix.name}"
 
 
-def _link_mask(
-    node: bpy.types.ShaderNodeTexImage, mask: bpy.types.Image, is_inverted: bool
+def link_mask(
+    node: bpy.types.ShaderNodeTexImage, mask: bpy.types.Image, is_inverted: bool = False
 ) -> None:
+    """Let an image say where the result for that of a node is seen."""
     tree, mix = node.id_data, live_mix(node)
     where = _add_image(node, -2.0 * _BESIDE)
     where.image, where.label = mask, _mask_label(mix)

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import arrays
-from ..materials import image_nodes
+from ..materials import image_nodes, live_mix
 from ..mesh import meshes
+from ..mixes import result_of
 from .images import new_like
 
 _NAME = ".shock_filter preview"  # lists leave such names out
@@ -25,6 +26,9 @@ copy of the material made at the start. Blender does not say which icons wait.
 
 _ORIGINAL = "shock_filter_original"
 """Key of the original image, for stand-ins in auto-saved files and after undo."""
+
+_RESULT = "shock_filter_result"
+"""Key of the name of the result in the node that holds it: live textures show a stand-in alone."""
 
 
 class StandIn:
@@ -143,9 +147,21 @@ def _replace(old: bpy.types.Image, new: bpy.types.Image | None) -> None:
     is_painting = bpy.context.mode == "PAINT_TEXTURE" and paint.mode == "MATERIAL"
     with meshes.object_mode(bpy.context) if is_painting else nullcontext():
         for node in nodes:
-            node.image = new
+            _put(node, new)
     if paint.canvas == old:
         paint.canvas = new
+
+
+def _put(node: bpy.types.ShaderNodeTexImage, new: bpy.types.Image | None) -> None:
+    if _RESULT in node:
+        new = bpy.data.images.get(node[_RESULT])
+        del node[_RESULT]
+    node.image = new
+    mix = live_mix(node)
+    result = None if mix is None or new is None or _ORIGINAL not in new else result_of(mix)
+    if result is not None and result.image is not None:  # else the old result would be mixed in
+        result[_RESULT] = result.image.name
+        result.image = new
 
 
 def _nodes(

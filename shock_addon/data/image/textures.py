@@ -16,7 +16,7 @@ from ....core.host.inputs import HostImage, TexturedFaces, TexturedSurface
 from ....core.host.mosaic import Mosaic
 from .. import PICTURES, arrays
 from ..chosen import mesh_users, refusal
-from ..materials import image_nodes
+from ..materials import image_nodes, materials_of
 from ..mesh import meshes
 from ..mesh.colors import find_colors
 from ..mesh.masks import color_mask
@@ -185,13 +185,6 @@ def _whole(parts: Tiles, mosaic: Mosaic | None) -> npt.NDArray[np.float32]:
 
 
 # ---------------------------------------------------------------------------------------- materials
-
-
-def materials_of(names: list[str]) -> list[bpy.types.Material]:
-    """List the materials of the objects of these names."""
-    objects = [obj for obj in bpy.data.objects if obj.name in names]
-    slots = [slot.material for obj in objects for slot in obj.material_slots]
-    return list(filter(None, dict.fromkeys(slots)))
 
 
 def _shows(material: bpy.types.Material | None, image: bpy.types.Image) -> bool:

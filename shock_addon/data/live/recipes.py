@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a live result was made, kept with its mesh so that it can be made again."""
+"""How a live result was made, kept so that it can be made again: with its mesh or its node."""
 
 from __future__ import annotations
 
@@ -27,16 +27,29 @@ class AsLive:
 
 
 def note(
-    mesh: bpy.types.Mesh, operator: str, settings: dict[str, Any], key: str = LIVE_STAMP
+    owner: bpy.types.Mesh | bpy.types.Node,
+    operator: str,
+    settings: dict[str, Any],
+    key: str = LIVE_STAMP,
 ) -> None:
-    """Keep with a mesh the operator's name and its properties; `key` is `LIVE_COLORS` of colors."""
-    mesh[key] = json.dumps({"operator": operator, "settings": settings})
+    """Keep the operator's name and its properties.
+
+    Parameters
+    ----------
+    owner : bpy.types.Mesh or bpy.types.Node
+        The mesh, or what mixes a texture with its result.
+    operator : str
+    settings : dict
+    key : str
+        `LIVE_COLORS` of colors, `LIVE_TEXTURE` of a texture.
+    """
+    owner[key] = json.dumps({"operator": operator, "settings": settings})
 
 
-def noted(mesh: bpy.types.Mesh, key: str = LIVE_STAMP) -> Recipe | None:
-    """Return the operator and the properties that made a mesh's result; None if nothing says so."""
+def noted(owner: bpy.types.Mesh | bpy.types.Node, key: str = LIVE_STAMP) -> Recipe | None:
+    """Return the operator and the properties that made a result; None if nothing says so."""
     try:
-        found = json.loads(mesh.get(key, ""))
+        found = json.loads(owner.get(key, ""))
         return str(found["operator"]), dict(found["settings"])
     except (ValueError, TypeError, KeyError):
         return None

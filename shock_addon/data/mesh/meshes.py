@@ -121,12 +121,12 @@ def read_targets(
         return target_of(obj, *read(obj, mode, parameters))
 
     def read_visible(obj: bpy.types.Object, mode: str) -> MeshTarget:
-        from .visible import copied
+        from .visible import shown
 
         check_in_object_mode(obj)
-        with copied(source_of(obj) or obj) as copy:
-            check_readable(copy)
-            return replace(target_of(obj, *read(copy, mode, parameters)), is_seen=True)
+        with shown(source_of(obj) or obj) as found:
+            check_readable(found)
+            return replace(target_of(obj, *read(found, mode, parameters)), is_seen=True)
 
     def target_of(obj: bpy.types.Object, place: Any, surface: Surface) -> MeshTarget:
         return MeshTarget(obj.name, obj.session_uid, obj.data.session_uid, place, surface)

@@ -30,7 +30,9 @@ _LIVE: _Part = ("movement", "")
 
 
 class Original:
-    """The positions, shape keys, colors and sharp edges of a mesh, to bring them back bit for bit.
+    """What a preview changes in a mesh, to bring it back bit for bit.
+
+    Positions, shape keys, colors, sharp edges, and custom normals as Blender 4.5 stores them.
 
     Parameters
     ----------
@@ -51,13 +53,18 @@ class Original:
         self._shown = self._old = self._read(mesh)
         self._shown_marks = self._old_marks = shading.read_marks(mesh)
         self._has_marks = shading.MARKS in mesh.attributes
+        self._shown_turns = self._old_turns = shading.read_turns(mesh)
         self.keys = {name: values for (kind, name), values in self._old.items() if kind == _KEY}
 
     def note_shown(self) -> None:
         """Take what the mesh holds now as shown by the preview."""
         mesh = self._find()
         if mesh is not None:
-            self._shown, self._shown_marks = self._read(mesh), shading.read_marks(mesh)
+            self._note(mesh)
+
+    def _note(self, mesh: bpy.types.Mesh) -> None:
+        self._shown, self._shown_marks = self._read(mesh), shading.read_marks(mesh)
+        self._shown_turns = shading.read_turns(mesh)
 
     def check_shown(self) -> None:
         """Raise `Skipped` if something else has changed what is shown."""
@@ -82,8 +89,9 @@ class Original:
         if mesh.shape_keys is not None:
             mesh.shape_keys.update_tag()
         self._restore_marks(mesh)
+        self._restore_turns(mesh)
         mesh.update()
-        self._shown, self._shown_marks = self._read(mesh), shading.read_marks(mesh)
+        self._note(mesh)
 
     def _restore_marks(self, mesh: bpy.types.Mesh) -> None:
         marks = shading.read_marks(mesh)
@@ -91,6 +99,12 @@ class Original:
             return
         stays = marks != self._shown_marks
         shading.set_marks(mesh, np.where(stays, marks, self._old_marks), self._has_marks)
+
+    def _restore_turns(self, mesh: bpy.types.Mesh) -> None:
+        now, old, shown = shading.read_turns(mesh), self._old_turns, self._shown_turns
+        if now is None or old is None or shown is None or now.shape != old.shape:
+            return
+        shading.write_turns(mesh, np.where(now != shown, now, old))
 
     def _find(self) -> bpy.types.Mesh | None:
         return next((mesh for mesh in bpy.data.meshes if mesh.session_uid == self._mesh), None)
@@ -160,7 +174,12 @@ def _show_shape(target: MeshTarget, original: Original, result: Reshaped) -> Non
     if move is not None:  # a live result would come on top
         arrays.write_attribute(move, np.zeros((len(mesh.vertices), 3), dtype=np.float32))
     if target.place.output in {"MESH", "AUTO"} or keys is None:
-        place = replace(target.place, output="MESH", custom_normals="KEEP")
+        normals = target.place.custom_normals
+        if normals == "CLEAR":  # which looks the same, and can be taken back
+            normals = "RECOMPUTE"
+        if shading.read_turns(mesh) is None:
+            normals = "KEEP"
+        place = replace(target.place, output="MESH", custom_normals=normals)
         if target.place.output == "SHAPE_KEY":  # a new key marks nothing
             place = replace(place, sharp_angle=None)
         write_geometry(replace(target, place=place), result)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 MARKS = "sharp_edge"
 """Name of the attribute of edges that are marked as sharp."""
 
+_TURNS = "custom_normal"
+
 
 def edges_to_mark(
     mesh: bpy.types.Mesh,
@@ -105,6 +107,20 @@ def count_marks(mesh: bpy.types.Mesh) -> int:
     return int(read_marks(mesh).sum())
 
 
+def read_turns(mesh: bpy.types.Mesh) -> npt.NDArray[np.int16] | None:
+    """Read custom normals as they are stored since Blender 4.5, relative to the surface: (c, 2).
+
+    None where there are none, or they are stored in another way.
+    """
+    layer = arrays.find_attribute(mesh, _TURNS, "INT16_2D", "CORNER")
+    return None if layer is None else arrays.read_attribute(layer)
+
+
+def write_turns(mesh: bpy.types.Mesh, turns: npt.NDArray[np.int16]) -> None:
+    """Write them; call ``mesh.update()`` afterwards."""
+    arrays.write_attribute(mesh.attributes[_TURNS], turns)
+
+
 def clear_normals(obj: bpy.types.Object) -> None:
     """Remove custom normals; smooth shading then follows the surface and its sharp edges."""
     with bpy.context.temp_override(object=obj, active_object=obj, mesh=obj.data):
@@ -116,11 +132,10 @@ def recompute_normals(obj: bpy.types.Object, mask: npt.NDArray[np.float64] | Non
     mesh = obj.data
     vertices = read_corner_vertices(mesh)
     free = np.ones(len(vertices), dtype=bool) if mask is None else (mask > 0.0)[vertices]
-    layer = arrays.find_attribute(mesh, "custom_normal", "INT16_2D", "CORNER")
-    if layer is not None:
-        turns = arrays.read_attribute(layer)  # from the surface's
+    turns = read_turns(mesh)
+    if turns is not None:
         turns[free] = 0
-        arrays.write_attribute(layer, turns)
+        write_turns(mesh, turns)
         return
     # Before Blender 4.5, and where normals are stored as vectors; slow, but there is no other way.
     normals = arrays.read(mesh.corner_normals, "vector", 3)

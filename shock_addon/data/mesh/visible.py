@@ -40,6 +40,42 @@ def copied(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
         _remove(copy)
 
 
+@contextmanager
+def shown(obj: bpy.types.Object) -> Iterator[Any]:
+    """Give what reads like that which `copied` gives, and is there sooner.
+
+    Blender draws all windows anew when an object is added or removed, beside the run that begins.
+    So that is done only for objects with vertex groups or shape keys.
+
+    Parameters
+    ----------
+    obj : bpy.types.Object
+        In Object Mode.
+    """
+    if obj.vertex_groups or obj.data.shape_keys is not None:
+        with copied(obj) as copy:
+            yield copy
+        return
+    with evaluated(obj) as (seen, graph):
+        mesh = seen.to_mesh(depsgraph=graph)
+        try:
+            yield _Shown(obj, mesh)
+        finally:
+            seen.to_mesh_clear()
+
+
+class _Shown:
+    """An object with another mesh and without modifiers, to read."""
+
+    modifiers = ()
+
+    def __init__(self, obj: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+        self._obj, self.data = obj, mesh
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._obj, name)
+
+
 def write_new(
     target: MeshTarget,
     result: Any,

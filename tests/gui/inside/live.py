@@ -107,26 +107,58 @@ def follow(name: str) -> Steps:
     seen["by_hand"] = time.monotonic() - start
     with over():
         bpy.ops.shock_filter.auto_update_live()
-    seen["seconds"], seen["states"] = [], []
+    seen["seconds"], seen["shown"], seen["states"] = [], [], []
     yield from record(3)
     for _ in range(4):
+        drawn = first_draw(copy)
         start = time.monotonic()
         bpy.data.objects[name].location.x -= 0.1
         bpy.context.view_layer.update()
-        seen["noticed"] = live().state(bpy.data.objects[copy])
+        if "noticed" not in seen:
+            seen["noticed"] = live().state(bpy.data.objects[copy])  # takes long
         mesh = bpy.data.objects[copy].data.session_uid
-        while bpy.data.objects[copy].data.session_uid == mesh:  # asking for its state takes long
+        while bpy.data.objects[copy].data.session_uid == mesh:
             if time.monotonic() > start + 90.0:
                 raise TimeoutError("The copy does not follow.")
             yield 0.02
         seen["seconds"].append(time.monotonic() - start)
+        while not drawn:
+            yield 0.02
+        seen["shown"].append(drawn[0] - start)
         yield DRAWN
         yield from finished()
         seen["states"].append(live().state(bpy.data.objects[copy]))
         yield from record(3)
     seen["after"] = seen_state(copy)
+    seen["kept"] = keep(bpy.data.objects[copy])
     yield DRAWN
     picture("live-followed", area("VIEW_3D"), width=1400)
+
+
+def first_draw(name: str) -> list[float]:
+    """Return a list that gets the time when an object is first drawn with another mesh."""
+    old, drawn = bpy.data.objects[name].data.session_uid, []
+
+    def look() -> None:
+        if not drawn and bpy.data.objects[name].data.session_uid != old:
+            drawn.append(time.monotonic())
+            bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
+
+    handler = bpy.types.SpaceView3D.draw_handler_add(look, (), "WINDOW", "POST_PIXEL")
+    return drawn
+
+
+def keep(copy: bpy.types.Object) -> list[float]:
+    """Press Keep beside Widest Fillet; return what the field said, and what it holds then."""
+    copy.select_set(True)
+    kept = bpy.context.scene.shock_filter.geometry
+    with over():
+        chosen = addon("operators.keeping").found_by(bpy.context, "geometry", "widest_fillet")
+        bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")
+    values = [chosen.value, kept.widest_fillet]
+    kept.property_unset("widest_fillet")
+    copy.select_set(False)
+    return values
 
 
 def undo_and_redo() -> Steps:
