@@ -164,10 +164,12 @@ def _slide(
         most = greatest_to_vertices(mesh, greatest_to_faces(mesh, most))
     most *= _FARTHER
     for stiff in _STIFF:
-        if not grades.any():
+        # Loose rounds take vertices off their creases: they are for what is bad alone.
+        counted = grades if stiff == _STIFF[0] else np.floor(grades)
+        if not counted.any():
             break
         ask()
-        chosen, shares = _ends(mesh, among, grades, still)
+        chosen, shares = _ends(mesh, among, counted, still)
         slides = np.empty((len(chosen), 3))
         for _ in range(_SLIDES):
             run(_find_slides, len(chosen), chosen, mesh.vertices, moved, mesh.faces, *mesh.corners,
