@@ -75,10 +75,12 @@ def like(given: npt.NDArray, values: Floats, result: Floats, weights: Floats | N
 
 @kernel
 def mix_rows(start, stop, values, result, weights, mixed):
-    """Mix rows of a result with those of the input, which stay where the weight is 0."""
+    """Mix rows of a result with those of the input; weights of 0 and 1 leave one of them as it is."""
     for i in range(start, stop):
         for j in range(values.shape[1]):
             value = values[i, j]
-            if weights[i] != 0:
+            if weights[i] == 1:
+                value = result[i, j]
+            elif weights[i] != 0:
                 value += weights[i] * (result[i, j] - value)
             mixed[i, j] = value
