@@ -75,7 +75,7 @@ def like(given: npt.NDArray, values: Floats, result: Floats, weights: Floats | N
 
 @kernel
 def mix_rows(start, stop, values, result, weights, mixed):
-    """Mix rows of a result with those of the input; weights of 0 and 1 leave one of them as it is."""
+    """Mix rows of a result with those of the input, which weights of 0 and 1 keep as they are."""
     for i in range(start, stop):
         for j in range(values.shape[1]):
             value = values[i, j]
