@@ -196,11 +196,12 @@ class FilterOperator(ModalJob):
     def advice(self) -> str:
         """Return advice if little has changed; empty if the filter has reported the reason.
 
-        What it chose where a setting is left to it is none.
+        Which way it chose where a setting is left to it is none.
         """
-        choices = describe(self.row.target(self).row.settings).keys()
-        reasons = [each for _, each in self._findings if not each.values.keys() & choices]
-        return "" if reasons else self.row.advice
+        settings = describe(self.row.target(self).row.settings).keys()
+        words = [{name for name, value in each.values.items() if isinstance(value, str)}
+                 for _, each in self._findings]  # fmt: skip
+        return self.row.advice if all(each & settings for each in words) else ""
 
     def notes(self, written: list[Written]) -> str:
         """Return remarks on data that was not changed although it affects the appearance."""
