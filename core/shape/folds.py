@@ -47,7 +47,7 @@ _SLIDES = 4
 
 _AROUND, _FARTHER = 2, 2.0
 """A vertex ends at most so many times as far from where it was as any within so many edges had
-gone: a small move folds what a small one unfolds."""
+gone, as a small move undoes what a small one folded."""
 
 _EVENED = 8
 """Rounds in which vertices move as their neighbours do."""
