@@ -83,11 +83,12 @@ def _harvest(out: Path, kinds: Sequence[str]) -> None:
     if out.exists():
         return
     part = out.with_suffix(".part")
-    _run("tools/kernels/harvest.py", str(part), *kinds)
+    # Its runs are small, and the IR that is kept is that of before any optimisation.
+    _run("tools/kernels/harvest.py", str(part), *kinds, NUMBA_OPT="0")
     part.replace(out)
 
 
-def _run(script: str, *words: str) -> None:
+def _run(script: str, *words: str, **more: str) -> None:
     # The package takes its name from a folder, and the root may be called anything.
     link = PLACE / "package" / "shock_filter"
     link.parent.mkdir(parents=True, exist_ok=True)
@@ -95,7 +96,7 @@ def _run(script: str, *words: str) -> None:
         link.symlink_to(ROOT, target_is_directory=True)
     paths = [str(link.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
     # Without a fixed seed, numba writes its modules in another order each time.
-    env = {**os.environ, "PYTHONHASHSEED": "0", "PYTHONPATH": os.pathsep.join(paths)}
+    env = {**os.environ, **more, "PYTHONHASHSEED": "0", "PYTHONPATH": os.pathsep.join(paths)}
     subprocess.run([sys.executable, str(ROOT / script), *words], check=True, env=env)
 
 

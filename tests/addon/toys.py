@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A copy of the package to which a filter is added as docs/developing.md says, and runs in it."""
 
+import importlib.util
+import json
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import build_kernels
 import shock_filter
+from shock_filter.core.base import compiled
 
 ROOT = Path(shock_filter.__file__).parent
 
@@ -45,7 +49,18 @@ def tree_with(folder, module, function, settings, filters, modes):
     ):
         with open(root / path, "a") as file:
             file.write(words)
+    if compiled.library() is not None:
+        _lend_kernels(root)
     return root
+
+
+def _lend_kernels(root):
+    # The library serves the copy too; what a toy's kernels need beyond it, numba compiles.
+    folder = Path(importlib.util.find_spec(compiled.PACKAGE).origin).parent
+    lent = shutil.copytree(folder, root.parent / compiled.PACKAGE)
+    about = json.loads((lent / compiled.TABLE).read_text())
+    about["sources"] = build_kernels.sources_digest(root / "core")
+    (lent / compiled.TABLE).write_text(json.dumps(about))
 
 
 def run(tree, code, *arguments):

@@ -94,10 +94,9 @@ def refit_system(mesh, screen):
     """What the refit solves, and the same as a scipy matrix with rows of fixed unknowns gone."""
     fixed = screen == 0
     weights = calculus.stiffness_weights(mesh, calculus.cotangents(mesh), screen)
-    matrix = (stiffness_matrix(mesh) + scipy.sparse.diags(screen)).tolil()
-    matrix[fixed] = 0
-    matrix[:, fixed] = 0
-    matrix[fixed, fixed] = 1
+    free = scipy.sparse.diags((~fixed).astype(float))
+    matrix = free @ (stiffness_matrix(mesh) + scipy.sparse.diags(screen)) @ free
+    matrix = matrix + scipy.sparse.diags(fixed.astype(float))
     return LinearSystem(*weights[:3], screen, weights[3], fixed), matrix.tocsr()
 
 

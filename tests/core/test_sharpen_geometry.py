@@ -293,7 +293,7 @@ def test_progress_rises_to_one_and_cancels_anywhere(soft_cube):
 @pytest.mark.parametrize("scattered", [False, True])
 def test_progress_is_asked_often_on_a_large_mesh(scattered, which):
     core.sharpen_geometry(core.TriangleMesh(*creased_sphere(4)))  # compiled before the clock runs
-    vertices, faces = creased_sphere(7)  # 164 K vertices
+    vertices, faces = creased_sphere(6)  # 41 K vertices
     if scattered:
         vertices, faces, _, _ = shuffled(vertices, faces)
     mesh = core.TriangleMesh(vertices, faces)
