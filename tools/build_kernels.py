@@ -29,8 +29,8 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).resolve().parent.parent
 PLACE = ROOT / ".kernels"
 RUNTIME = ROOT / "tools" / "kernels" / "runtime.c"
-KINDS = ["geometry", "colors", "flow", "field"], ["image", "texture"]
-"""Kinds of data for each process of the harvest: half of the work each, and few kernels twice."""
+KINDS = ["geometry", "colors", "flow"], ["image", "texture", "field"]
+"""Kinds of data for each process of the harvest: few kernels twice."""
 
 LONG_AGO = (1980, 1, 1, 0, 0, 0)
 
@@ -83,12 +83,11 @@ def _harvest(out: Path, kinds: Sequence[str]) -> None:
     if out.exists():
         return
     part = out.with_suffix(".part")
-    # Its runs are small, and the IR that is kept is that of before any optimisation.
-    _run("tools/kernels/harvest.py", str(part), *kinds, NUMBA_OPT="0")
+    _run("tools/kernels/harvest.py", str(part), *kinds)
     part.replace(out)
 
 
-def _run(script: str, *words: str, **more: str) -> None:
+def _run(script: str, *words: str) -> None:
     # The package takes its name from a folder, and the root may be called anything.
     link = PLACE / "package" / "shock_filter"
     link.parent.mkdir(parents=True, exist_ok=True)
@@ -96,7 +95,7 @@ def _run(script: str, *words: str, **more: str) -> None:
         link.symlink_to(ROOT, target_is_directory=True)
     paths = [str(link.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
     # Without a fixed seed, numba writes its modules in another order each time.
-    env = {**os.environ, **more, "PYTHONHASHSEED": "0", "PYTHONPATH": os.pathsep.join(paths)}
+    env = {**os.environ, "PYTHONHASHSEED": "0", "PYTHONPATH": os.pathsep.join(paths)}
     subprocess.run([sys.executable, str(ROOT / script), *words], check=True, env=env)
 
 
