@@ -44,7 +44,7 @@ from .smoothings import (
 
 WEIGHTS = Path(__file__).with_name("denoise.npz")
 
-STAGES = "first", "next"
+STAGES = "first", "next", "last"
 """Names of the networks, in order."""
 
 FITS = 3

@@ -33,6 +33,7 @@ from distances import (
 from distances import box as box_at
 from meshings import EXTENT, marching_cubes, mean_edge, surface_nets, umbrella
 from shock_filter import core
+from solids import statue
 
 KINDS = {"clean": 0.12, "crisp": 0.06, "white": 0.21, "field": 0.23, "both": 0.04, "binary": 0.05,
          "range": 0.07, "low": 0.22}  # fmt: skip
@@ -49,6 +50,8 @@ LOW = {"modelled": 0.4, "decimated": 0.28, "subdivided": 0.14, "uneven": 0.12, "
 UNTOUCHED, UNTOUCHED_FIGURES = 0.5, 0.65
 """Shares of these, and of sculptures, that have no noise."""
 
+CAGES, UNTOUCHED_CAGES = {"modelled": 0.3, "decimated": 0.35, "subdivided": 0.35}, 0.6
+"""Shares among meshes of few faces or out of such, and of them what has no noise."""
 
 FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
 """Shares among sculptures; see `crease_examples`."""
@@ -109,6 +112,78 @@ def figure(seed: int) -> Example:
         return Example(mesh, truth, "figure")
     noisy = mesh.moved_to(_moved(rng, mesh.vertices, mesh.faces, truth))
     return Example(noisy, truth, "noisy figure")
+
+
+def cage(seed: int) -> Example:
+    """Make a mesh of few faces, or one that was subdivided from few, most of them without noise."""
+    rng = np.random.default_rng(seed)
+    how = str(rng.choice(list(CAGES), p=list(CAGES.values())))
+    mesh = getattr(crease_examples, how)(int(rng.integers(1 << 40))).mesh
+    v = mesh.vertices
+    for _ in range(rng.integers(0, 3)):  # wider here, narrower there
+        v = v + rng.uniform(0, 0.25) * np.sin(v @ rng.normal(size=(3, 3)) * 2)
+    return _low_noisy(rng, v, mesh.faces, how, UNTOUCHED_CAGES, 0.01)
+
+
+def faint(seed: int) -> Example:
+    """Make a crisp solid or a sculpture with hardly any noise."""
+    rng = np.random.default_rng(seed)
+    own = int(rng.integers(1 << 40))
+    if rng.random() < 0.5:
+        mesh = example(own, "crisp").mesh
+    else:
+        mesh = getattr(crease_examples, str(rng.choice(["scanned", "sculpted"])))(own).mesh
+    amount = np.exp(rng.uniform(np.log(0.01), np.log(0.12)))
+    moved = mesh.vertices + rng.normal(size=mesh.vertices.shape) * amount * mesh.mean_edge_length
+    return Example(mesh.moved_to(moved), mesh.normals, "faint")
+
+
+def depth(seed: int) -> Example:
+    """Make a range image as cameras that match patterns see it.
+
+    Its bumps are wider than its pixels and drift slowly; it is in terraces and has holes.
+    """
+    rng = np.random.default_rng(seed)
+    cells = int(np.exp(rng.uniform(np.log(60), np.log(130))))
+    shape = _exhibit(rng, cells)
+    x, y, h = _pixels(cells)
+    if rng.random() < 0.5:  # faces of uneven shapes
+        x, y = (k + h * rng.uniform(0, 0.3) * rng.uniform(-1, 1, k.shape) for k in (x, y))
+    z, hit = _depths(shape, x, y)
+    width, slope = (np.exp(rng.uniform(*np.log(ends))) for ends in ((0.8, 4.0), (0.1, 0.5)))
+    off = np.sqrt(2) * slope * width * h * _even_noise(rng, x.shape, width)
+    wide = rng.uniform(6, 16)
+    off += rng.uniform(0.0, 0.1) * wide * h * _even_noise(rng, x.shape, wide)
+    if rng.random() < 0.8:  # terraces, perhaps rounded
+        step = np.exp(rng.uniform(np.log(0.5), np.log(3.0))) * slope * width * h
+        off = step * np.round((z + off) / step) - z
+        if rng.random() < 0.5:
+            off = np.where(hit, off, 0)
+            soft = rng.uniform(0.4, 1.2)
+            share = scipy.ndimage.gaussian_filter(hit.astype(float), soft)
+            off = scipy.ndimage.gaussian_filter(off, soft) / np.maximum(share, 1e-3)
+    if rng.random() < 0.5:
+        hit &= _even_noise(rng, x.shape, rng.uniform(1, 5)) < rng.uniform(1.5, 2.5)
+    return _seen(x, y, z, z + off, hit, h, "depth")
+
+
+def _exhibit(rng, cells):
+    # One simple body, a statue, or any solid.
+    kind = rng.random()
+    if kind < 0.5:
+        a, b = rng.uniform(0.4, 0.9, 2)
+        pointed = cylinder((0, 0, 0), a / 2, b, slope=a / (2 * b))
+        shape = pointed if kind < 0.15 else _primitive(rng, rng.uniform(1.3, 1.9), False)
+    elif kind < 0.75:
+        shape = statue(rng, np.zeros(3), rng.uniform(0.8, 1.2))
+    else:
+        return solid(rng, cells, False)
+    return placed(shape, np.zeros(3), turn(rng))
+
+
+def _even_noise(rng, shape, width):
+    noise = scipy.ndimage.gaussian_filter(rng.normal(size=shape), width)
+    return noise / noise.std()
 
 
 def drawn(seed: int) -> Example:
@@ -255,12 +330,8 @@ def _moved(rng, v, f, normals):
 
 def _range_image(rng, shape, cells):
     # Depths along parallel rays, with noise and in steps.
-    line = (np.arange(cells) - cells / 2 + 0.5) * 2.6 / cells
-    x, y = np.meshgrid(line, line, indexing="ij")
-    z, hit, h = np.full(x.shape, 1.6), np.zeros(x.shape, bool), line[1] - line[0]
-    for _ in range(60):
-        d = shape(np.stack([x, y, z], -1).reshape(-1, 3)).reshape(x.shape)
-        hit, z = abs(d) < 2e-3, z - np.maximum(d, 0) * 0.8
+    x, y, h = _pixels(cells)
+    z, hit = _depths(shape, x, y)
     width = rng.uniform(0, 3.5)
     amount = min(np.exp(rng.uniform(np.log(0.04), np.log(1.2))) * (width + 0.6), 1.6)
     noise = scipy.ndimage.gaussian_filter(rng.normal(size=x.shape), width)
@@ -268,6 +339,26 @@ def _range_image(rng, shape, cells):
     if rng.random() < 0.8:
         step = amount * h * rng.choice([0.5, 1, 2, 3])
         noisy = step * np.round(noisy / step)
+    return _seen(x, y, z, noisy, hit, h, "range")
+
+
+def _pixels(cells):
+    line = (np.arange(cells) - cells / 2 + 0.5) * 2.6 / cells
+    x, y = np.meshgrid(line, line, indexing="ij")
+    return x, y, line[1] - line[0]
+
+
+def _depths(shape, x, y):
+    # Where rays from above meet a solid, and which of them do.
+    z, hit = np.full(x.shape, 1.6), np.zeros(x.shape, bool)
+    for _ in range(60):
+        d = shape(np.stack([x, y, z], -1).reshape(-1, 3)).reshape(x.shape)
+        hit, z = abs(d) < 2e-3, z - np.maximum(d, 0) * 0.8
+    return z, hit
+
+
+def _seen(x, y, z, noisy, hit, h, kind):
+    # The mesh of some pixels, but for jumps.
     at = np.arange(x.size).reshape(x.shape)
     a, b = at[:-1, :-1].reshape(-1), at[1:, :-1].reshape(-1)
     c, d = at[1:, 1:].reshape(-1), at[:-1, 1:].reshape(-1)
@@ -276,7 +367,7 @@ def _range_image(rng, shape, cells):
     used, f = np.unique(f, return_inverse=True)
     f = np.ascontiguousarray(f.reshape(-1, 3), np.int32)
     clean, spoilt = (np.stack([x, y, w], -1).reshape(-1, 3)[used] for w in (z, noisy))
-    return Example(core.TriangleMesh(spoilt, f), core.TriangleMesh(clean, f).normals, "range")
+    return Example(core.TriangleMesh(spoilt, f), core.TriangleMesh(clean, f).normals, kind)
 
 
 def _low(rng, shape, cells):
@@ -294,14 +385,14 @@ def _low(rng, shape, cells):
     return _low_noisy(rng, v, f, how)
 
 
-def _low_noisy(rng, v, f, how):
+def _low_noisy(rng, v, f, how, untouched=UNTOUCHED, least=0.05):
     # Open or not, noisy or not.
     if how != "even" and rng.random() < 0.3:  # a part is cut away
         d = v[f].mean(1) @ rng.normal(size=3)
         used, f = np.unique(f[d < np.quantile(d, rng.uniform(0.6, 0.97))], return_inverse=True)
         v, f = v[used], np.ascontiguousarray(f.reshape(-1, 3), np.int32)
     mesh = core.TriangleMesh(v, f)
-    if rng.random() < UNTOUCHED:
+    if rng.random() < untouched:
         return Example(mesh, mesh.normals, how)
     lengths = norm(v[f] - v[f[:, [1, 2, 0]]], 2)
     if how in ("modelled", "drawn") or rng.random() < 0.3:  # of the shortest edge
@@ -317,7 +408,7 @@ def _low_noisy(rng, v, f, how):
     else:
         local = np.full(len(v), lengths.mean())
     strong = rng.random() < 0.5
-    amount = rng.uniform(0.1, 0.65) if strong else np.exp(rng.uniform(np.log(0.05), np.log(0.5)))
+    amount = rng.uniform(0.1, 0.65) if strong else np.exp(rng.uniform(np.log(least), np.log(0.5)))
     move = amount * np.where(np.isfinite(local), local, 0)[:, None]
     noisy = core.TriangleMesh(v + rng.normal(size=v.shape) * move, f)
     return Example(noisy, mesh.normals, "noisy " + how)

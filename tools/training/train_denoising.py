@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from denoise_examples import drawn, example, figure
+from denoise_examples import cage, depth, drawn, example, figure
 from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.base import parallel
@@ -35,13 +35,16 @@ MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py
            "solids.py", "train_denoising.py")  # fmt: skip
 """The scripts that the networks come from."""
 
-VERSION = 1
+VERSION = 2
 """Counts the trainings that were shipped."""
 
 MAKERS = {"solid": example, "white": partial(example, kind="white"), "figure": figure,
-          "drawn": drawn}  # fmt: skip
-COUNTS = {"solid": 1500, "white": 200, "figure": 350, "drawn": 160}
+          "drawn": drawn, "cage": cage, "depth": depth}  # fmt: skip
+COUNTS = {"solid": 1500, "white": 200, "figure": 350, "drawn": 160, "cage": 400, "depth": 130}
 """How many seeds of each."""
+
+LATE = "cage", "depth"
+"""Kinds that the last stage alone learns from."""
 
 FACES, ROWS = (24, 60_000), (400, 1600)
 """Fewest and most faces of a mesh that counts, and of a mesh that are learned from; of small ones
@@ -78,7 +81,7 @@ def made(job: tuple[str, int], folder: Path) -> Path | None:
         mesh, truth, kind = MAKERS[name](seed)
     except (IndexError, ValueError, core.ShockError):  # nothing is left of the solid
         return None
-    of_solid = kind in ("clean", "crisp", "white", "field", "both", "binary", "range")
+    of_solid = kind in ("clean", "crisp", "white", "field", "both", "binary", "range", "depth")
     if not (FEWEST_OF_SOLIDS if of_solid else FACES[0]) <= mesh.face_count <= FACES[1]:
         return None
     part = path.with_suffix(".part")
@@ -145,19 +148,20 @@ def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]
 
 
 def train(
-    paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print
+    paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print, begun=()
 ) -> dict[str, Network]:
     """Learn stage by stage, and say how well it does on meshes that are kept aside."""
-    networks: list[Network] = []
+    networks: list[Network] = list(begun)
     for stage, name in enumerate(STAGES):
-        each = gathered(partial(table, networks=networks), paths, processes)
-        rows = {key: np.concatenate([part[key] for part in each]) for key in each[0]}
+        if stage < len(networks):
+            continue
+        chosen = [path for path in paths if stage == len(STAGES) - 1 or not _is_late(path)]
+        each = gathered(partial(table, networks=networks), chosen, processes)
+        held = [bool(part["aside"].any()) for part in each]
+        aside = _together([part for part, off in zip(each, held, strict=True) if off])
+        rows = _together([part for part, off in zip(each, held, strict=True) if not off])
         del each
-        log(f"{name}: {rows['told'].shape} rows")
-        aside = {key: values[rows["aside"]] for key, values in rows.items()}
-        for key in list(rows):  # one after the other: they are large
-            if key != "aside":
-                rows[key] = rows[key][~rows["aside"]]
+        log(f"{name}: {rows['told'].shape} rows, {aside['told'].shape} aside")
         weights = rows["weights"] / rows["weights"].mean()
         network = adam.trained_free_mixture(
             rows["told"],
@@ -174,6 +178,25 @@ def train(
         facts = {"definition": DEFINITION, "made_of": made_of(), "version": VERSION}
         networks.append(replace(network, **facts))
     return dict(zip(STAGES, networks, strict=True))
+
+
+def _is_late(path: Path) -> bool:
+    return path.stem.split("_")[1] in LATE
+
+
+def _together(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    # Takes from the parts what it puts together: all is large.
+    rows = {}
+    for key in list(each[0]):
+        parts = [part.pop(key) for part in each]
+        count = sum(map(len, parts))
+        rows[key] = np.empty((count, *parts[0].shape[1:]), parts[0].dtype)
+        end = count
+        while parts:
+            part = parts.pop()
+            rows[key][end - len(part) : end] = part
+            end -= len(part)
+    return rows
 
 
 def tell(network: Network, aside: dict[str, np.ndarray], log) -> None:
