@@ -72,7 +72,9 @@ def rough_sheet():
 def test_the_shipped_networks_are_those_of_this_code():
     found = load(WEIGHTS, DEFINITION)
     assert set(found) == set(STAGES)
-    for name, count, told in zip(STAGES, (FIRST, NEXT), (TOLD, NEXT_TOLD), strict=True):
+    for name, count, told in zip(
+        STAGES, (FIRST, NEXT, NEXT), (TOLD, NEXT_TOLD, NEXT_TOLD), strict=True
+    ):
         assert found[name].weights[0].shape[0] == told
         assert found[name].weights[-1].shape[1] == 2 * count
     assert WEIGHTS.stat().st_size < 300_000

@@ -33,7 +33,6 @@ from distances import (
 from distances import box as box_at
 from meshings import EXTENT, marching_cubes, mean_edge, surface_nets, umbrella
 from shock_filter import core
-from solids import statue
 
 KINDS = {"clean": 0.12, "crisp": 0.06, "white": 0.21, "field": 0.23, "both": 0.04, "binary": 0.05,
          "range": 0.07, "low": 0.22}  # fmt: skip
@@ -99,6 +98,11 @@ def example(seed: int, kind: str | None = None) -> Example:
     return Example(core.TriangleMesh(v, f), truth, kind)
 
 
+def rough(seed: int) -> Example:
+    """Make a solid with white noise at its vertices, another one than `example` makes."""
+    return example(10_000 + seed, "white")
+
+
 def figure(seed: int) -> Example:
     """Make a sculpture with folds and ridges a few edges wide, most of them without noise."""
     rng = np.random.default_rng(seed)
@@ -125,65 +129,22 @@ def cage(seed: int) -> Example:
     return _low_noisy(rng, v, mesh.faces, how, UNTOUCHED_CAGES, 0.01)
 
 
-def faint(seed: int) -> Example:
-    """Make a crisp solid or a sculpture with hardly any noise."""
+def divided(seed: int) -> Example:
+    """Make a mesh of few faces whose faces were divided in place, most of them without noise."""
     rng = np.random.default_rng(seed)
-    own = int(rng.integers(1 << 40))
-    if rng.random() < 0.5:
-        mesh = example(own, "crisp").mesh
-    else:
-        mesh = getattr(crease_examples, str(rng.choice(["scanned", "sculpted"])))(own).mesh
-    amount = np.exp(rng.uniform(np.log(0.01), np.log(0.12)))
-    moved = mesh.vertices + rng.normal(size=mesh.vertices.shape) * amount * mesh.mean_edge_length
-    return Example(mesh.moved_to(moved), mesh.normals, "faint")
-
-
-def depth(seed: int) -> Example:
-    """Make a range image as cameras that match patterns see it.
-
-    Its bumps are wider than its pixels and drift slowly; it is in terraces and has holes.
-    """
-    rng = np.random.default_rng(seed)
-    cells = int(np.exp(rng.uniform(np.log(60), np.log(130))))
-    shape = _exhibit(rng, cells)
-    x, y, h = _pixels(cells)
-    if rng.random() < 0.5:  # faces of uneven shapes
-        x, y = (k + h * rng.uniform(0, 0.3) * rng.uniform(-1, 1, k.shape) for k in (x, y))
-    z, hit = _depths(shape, x, y)
-    width, slope = (np.exp(rng.uniform(*np.log(ends))) for ends in ((0.8, 4.0), (0.1, 0.5)))
-    off = np.sqrt(2) * slope * width * h * _even_noise(rng, x.shape, width)
-    wide = rng.uniform(6, 16)
-    off += rng.uniform(0.0, 0.1) * wide * h * _even_noise(rng, x.shape, wide)
-    if rng.random() < 0.8:  # terraces, perhaps rounded
-        step = np.exp(rng.uniform(np.log(0.5), np.log(3.0))) * slope * width * h
-        off = step * np.round((z + off) / step) - z
-        if rng.random() < 0.5:
-            off = np.where(hit, off, 0)
-            soft = rng.uniform(0.4, 1.2)
-            share = scipy.ndimage.gaussian_filter(hit.astype(float), soft)
-            off = scipy.ndimage.gaussian_filter(off, soft) / np.maximum(share, 1e-3)
-    if rng.random() < 0.5:
-        hit &= _even_noise(rng, x.shape, rng.uniform(1, 5)) < rng.uniform(1.5, 2.5)
-    return _seen(x, y, z, z + off, hit, h, "depth")
-
-
-def _exhibit(rng, cells):
-    # One simple body, a statue, or any solid.
     kind = rng.random()
-    if kind < 0.5:
-        a, b = rng.uniform(0.4, 0.9, 2)
-        pointed = cylinder((0, 0, 0), a / 2, b, slope=a / (2 * b))
-        shape = pointed if kind < 0.15 else _primitive(rng, rng.uniform(1.3, 1.9), False)
-    elif kind < 0.75:
-        shape = statue(rng, np.zeros(3), rng.uniform(0.8, 1.2))
+    if kind < 0.4:
+        v, f = _ring(rng)
+    elif kind < 0.7:
+        v, f = _turned(rng)
     else:
-        return solid(rng, cells, False)
-    return placed(shape, np.zeros(3), turn(rng))
-
-
-def _even_noise(rng, shape, width):
-    noise = scipy.ndimage.gaussian_filter(rng.normal(size=shape), width)
-    return noise / noise.std()
+        how = str(rng.choice(["modelled", "decimated"]))
+        mesh = getattr(crease_examples, how)(int(rng.integers(1 << 40))).mesh
+        v, f = mesh.vertices, mesh.faces
+    for _ in range(rng.integers(0, 4)):
+        if len(f) < 1500:
+            v, f = _halved(v, f)
+    return _low_noisy(rng, v, f, "divided", UNTOUCHED_CAGES, 0.01)
 
 
 def drawn(seed: int) -> Example:
@@ -330,8 +291,12 @@ def _moved(rng, v, f, normals):
 
 def _range_image(rng, shape, cells):
     # Depths along parallel rays, with noise and in steps.
-    x, y, h = _pixels(cells)
-    z, hit = _depths(shape, x, y)
+    line = (np.arange(cells) - cells / 2 + 0.5) * 2.6 / cells
+    x, y = np.meshgrid(line, line, indexing="ij")
+    z, hit, h = np.full(x.shape, 1.6), np.zeros(x.shape, bool), line[1] - line[0]
+    for _ in range(60):
+        d = shape(np.stack([x, y, z], -1).reshape(-1, 3)).reshape(x.shape)
+        hit, z = abs(d) < 2e-3, z - np.maximum(d, 0) * 0.8
     width = rng.uniform(0, 3.5)
     amount = min(np.exp(rng.uniform(np.log(0.04), np.log(1.2))) * (width + 0.6), 1.6)
     noise = scipy.ndimage.gaussian_filter(rng.normal(size=x.shape), width)
@@ -339,26 +304,6 @@ def _range_image(rng, shape, cells):
     if rng.random() < 0.8:
         step = amount * h * rng.choice([0.5, 1, 2, 3])
         noisy = step * np.round(noisy / step)
-    return _seen(x, y, z, noisy, hit, h, "range")
-
-
-def _pixels(cells):
-    line = (np.arange(cells) - cells / 2 + 0.5) * 2.6 / cells
-    x, y = np.meshgrid(line, line, indexing="ij")
-    return x, y, line[1] - line[0]
-
-
-def _depths(shape, x, y):
-    # Where rays from above meet a solid, and which of them do.
-    z, hit = np.full(x.shape, 1.6), np.zeros(x.shape, bool)
-    for _ in range(60):
-        d = shape(np.stack([x, y, z], -1).reshape(-1, 3)).reshape(x.shape)
-        hit, z = abs(d) < 2e-3, z - np.maximum(d, 0) * 0.8
-    return z, hit
-
-
-def _seen(x, y, z, noisy, hit, h, kind):
-    # The mesh of some pixels, but for jumps.
     at = np.arange(x.size).reshape(x.shape)
     a, b = at[:-1, :-1].reshape(-1), at[1:, :-1].reshape(-1)
     c, d = at[1:, 1:].reshape(-1), at[:-1, 1:].reshape(-1)
@@ -367,7 +312,7 @@ def _seen(x, y, z, noisy, hit, h, kind):
     used, f = np.unique(f, return_inverse=True)
     f = np.ascontiguousarray(f.reshape(-1, 3), np.int32)
     clean, spoilt = (np.stack([x, y, w], -1).reshape(-1, 3)[used] for w in (z, noisy))
-    return Example(core.TriangleMesh(spoilt, f), core.TriangleMesh(clean, f).normals, kind)
+    return Example(core.TriangleMesh(spoilt, f), core.TriangleMesh(clean, f).normals, "range")
 
 
 def _low(rng, shape, cells):
@@ -424,6 +369,35 @@ def _uneven(rng, shape, cells):
     v, f = surface_nets(shape(p).reshape((cells,) * 3))
     v = np.stack([np.interp(v[:, x], np.arange(cells), axes[x]) for x in range(3)], 1)
     return nearest(shape, v, 2 * EXTENT / cells), f
+
+
+def _ring(rng):
+    # A polygon turned around an axis beside it.
+    corners, sides = int(rng.integers(3, 8)), int(np.exp(rng.uniform(*np.log((5, 90)))))
+    if rng.random() < 0.4:
+        angle = np.sort(rng.uniform(0, 2 * np.pi, corners))
+    else:
+        angle = 2 * np.pi * (np.arange(corners) + rng.random()) / corners
+    size = rng.uniform(0.1, 0.6, 2)
+    r, z = 1 + size[0] * np.cos(angle), size[1] * np.sin(angle)
+    a = np.arange(sides) * 2 * np.pi / sides
+    v = np.stack([r * np.cos(a)[:, None], r * np.sin(a)[:, None], 0 * a[:, None] + z], -1)
+    i, j = np.mgrid[:sides, :corners]
+    first = lambda x, y: ((x % sides) * corners + y % corners).reshape(-1)  # noqa: E731
+    quads = first(i, j), first(i + 1, j), first(i + 1, j + 1), first(i, j + 1)
+    f = np.concatenate([np.stack([quads[0], *quads[1:3]], 1), np.stack([quads[0], *quads[2:]], 1)])
+    return v.reshape(-1, 3) * rng.uniform(0.5, 1.5, 3) @ turn(rng), f.astype(np.int32)
+
+
+def _halved(v, f):
+    # Four faces for each, by the middles of its edges; nothing moves.
+    ends = np.sort(f[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    used, index = np.unique(ends, axis=0, return_inverse=True)
+    a, b, c = (index.reshape(-1, 3) + len(v)).T
+    v = np.concatenate([v, v[used].mean(1)])
+    corners = (f[:, 0], a, c), (a, f[:, 1], b), (c, b, f[:, 2]), (a, b, c)
+    f = np.concatenate([np.stack(each, 1) for each in corners])
+    return v, np.ascontiguousarray(f, np.int32)
 
 
 def _turned(rng):
