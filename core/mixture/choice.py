@@ -76,6 +76,23 @@ def free_mixture(candidates: Singles, scores: Singles) -> npt.NDArray[np.float64
 
 
 @kernel
+def logarithm(x):
+    """Natural logarithm of a positive float32, within 1.1e-6 for 1e-5 to 20; loops become vectors.
+
+    With x = m 2^e, m between the roots of 1/2 and 2: log m = 2 atanh((m - 1) / (m + 1)), by five
+    terms of its series.
+    """
+    bits = np.float32(x).view(np.int32)
+    e = (bits - np.int32(0x3F3504F3)) >> 23  # from the bits of the root of 1/2
+    m = np.int32(bits - (e << 23)).view(np.float32)
+    s = (m - np.float32(1)) / (m + np.float32(1))
+    q = s * s
+    series = np.float32(2 / 7) + q * np.float32(2 / 9)
+    series = np.float32(2 / 3) + q * (np.float32(2 / 5) + q * series)
+    return np.float32(e) * np.float32(np.log(2)) + s * (np.float32(2) + q * series)
+
+
+@kernel
 def _tell_pairs(start, stop, candidates, told):
     k, size = candidates.shape[1], candidates.shape[2]
     for f in range(start, stop):
@@ -85,8 +102,10 @@ def _tell_pairs(start, stop, candidates, told):
                 square = np.float32(0)
                 for x in range(size):
                     square += (candidates[f, i, x] - candidates[f, j, x]) ** 2
-                told[f, c] = np.log(np.sqrt(square) + np.float32(FAINT)) + np.float32(2)
+                told[f, c] = np.sqrt(square) + np.float32(FAINT)
                 c += 1
+        for i in range(c):
+            told[f, i] = logarithm(told[f, i]) + np.float32(2)
 
 
 @kernel

@@ -181,7 +181,7 @@ def denoise_geometry(
     With `method` "automatic", which is not in the papers, the normals of the faces are smoothed in
     many ways: plain means, means of similar normals, means guided by even patches (Zhang et al.
     2015), and the normals after umbrella passes over the vertices. A small network, which has
-    learned from made solids with known normals, mixes them face by face, in two stages; the
+    learned from made solids with known normals, mixes them face by face, in three stages; the
     positions are fitted to the mixture (see `fit_to_normals`). It is told how far the smoothings
     are apart and how high the surface is that they take off, around the face, so that it tells
     noise from relief. Faces around which nothing turns stay bit for bit.

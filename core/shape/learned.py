@@ -2,7 +2,7 @@
 """The learned denoiser: many smoothings of the normals, mixed face by face, and a fit to them.
 
 Not in the papers. The smoothings are those of `smoothings`; small networks, which have learned from
-made solids (`tools/training`), weigh them in two stages. Faces that hardly turn stay as they are.
+made solids (`tools/training`), weigh them in three stages. Faces that hardly turn stay as they are.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from .smoothings import (
 
 WEIGHTS = Path(__file__).with_name("denoise.npz")
 
-STAGES = "first", "next"
+STAGES = "first", "next", "last"
 """Names of the networks, in order."""
 
 FITS = 3
@@ -166,9 +166,10 @@ def _mixed_in_stages(
     mesh: TriangleMesh, weights: Floats | None, ways: _Ways
 ) -> tuple[Floats, Floats]:
     state = _State(mesh, weights)
+    ends = np.linspace(0.0, 1.0, len(ways.nets) + 1)
     for stage, network in enumerate(ways.nets):
         last = stage == len(ways.nets) - 1
-        with phase(0.4 * stage, 1.0 if last else 0.4 * stage + 0.4, _MESSAGE):
+        with phase(ends[stage], ends[stage + 1], _MESSAGE):
             with phase(0.0, 0.5, _MESSAGE):
                 found = state.smoothed()
             with phase(0.5, 0.8, _MESSAGE):

@@ -26,7 +26,7 @@ from ..mesh.adjacency import Ints
 from ..mesh.calculus import average_to_faces
 from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ..mixture.cells import MeansAround
-from ..mixture.choice import pair_count, tell_pairs
+from ..mixture.choice import logarithm, pair_count, tell_pairs
 from ..mixture.network import Singles, digest
 
 FIRST, NEXT = 21, 12
@@ -271,7 +271,7 @@ class _Kept:
         self._found, self._next = found, 0
 
     def keep(self, field: npt.NDArray) -> None:
-        self._found[:, self._next] = field[:, :3]
+        run(_put, len(field), field, self._next, self._found)
         self._next += 1
         ask()
 
@@ -389,9 +389,7 @@ def _around(mesh: TriangleMesh, signal: Singles, more: Singles) -> Singles:
         values[:, first:] = more
     start, ring = mesh.neighbours
     values = _spread(start, ring, values, _NEAR)
-    np.log(np.maximum(values, 0) + np.float32(1e-5), out=values)
-    values *= np.float32(0.5)
-    values += np.float32(2)
+    run(_take_logarithms, len(values), values)
     out = np.empty((mesh.vertex_count, 3 * count), dtype=np.float32)
     out[:, :count] = values
     used = np.flatnonzero(np.diff(mesh.corners[0]) > 0)
@@ -409,6 +407,21 @@ def _spread(start: Ints, ring: Ints, values: Singles, passes: int) -> Singles:
         run(_average_ring, len(values), start, ring, values, out)
         values = out
     return values
+
+
+@kernel
+def _take_logarithms(start, stop, values):
+    for v in range(start, stop):
+        for i in range(values.shape[1]):
+            positive = max(values[v, i], np.float32(0)) + np.float32(1e-5)
+            values[v, i] = np.float32(0.5) * logarithm(positive) + np.float32(2)
+
+
+@kernel
+def _put(start, stop, field, place, found):
+    for f in range(start, stop):
+        for x in range(3):
+            found[f, place, x] = field[f, x]
 
 
 @kernel

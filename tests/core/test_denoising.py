@@ -72,7 +72,7 @@ def test_opacity_of_an_image_stays_or_is_denoised_and_sharpened(alpha):
 
 
 def test_sharpening_works_on_the_result():
-    _, vertices, faces = noisy_cube(noise=0.3)
+    _, vertices, faces = noisy_cube(noise=0.6)
     mesh = core.TriangleMesh(vertices, faces)
     colors, _ = painted(vertices)
     close = np.testing.assert_allclose
@@ -228,7 +228,7 @@ def read_ply(name):
 
 
 def test_meshes_on_disk_lose_their_noise(folder):
-    _, vertices, faces = noisy_cube(noise=0.3)
+    _, vertices, faces = noisy_cube(noise=0.6)
     colors, right = painted(vertices)
     write_ply("in.ply", vertices, faces, colors, right.astype(float))
     outcome = denoise_file("in.ply", "out.ply")

@@ -21,12 +21,12 @@ from shock_filter.core.shape.smoothings import (
 )
 
 EXPECTED = [
-    [-0.0041201, -0.0009279, -0.3096947],
-    [-0.0031619, 0.0004332, -0.1988296],
-    [0.000853, 0.0005862, 0.3465287],
-    [0.0032807, 0.0084775, -0.0736787],
-    [0.0083718, -0.0016662, -0.0283509],
-    [-0.018449, -0.0162203, -0.1609274],
+    [-0.0041282, -0.0009265, -0.3107038],
+    [-0.0031666, 0.0004338, -0.198404],
+    [0.0008547, 0.000585, 0.3492869],
+    [0.0032869, 0.008478, -0.0721283],
+    [0.0083666, -0.0016694, -0.0302157],
+    [-0.0184706, -0.0162241, -0.1620101],
 ]
 
 
@@ -72,7 +72,9 @@ def rough_sheet():
 def test_the_shipped_networks_are_those_of_this_code():
     found = load(WEIGHTS, DEFINITION)
     assert set(found) == set(STAGES)
-    for name, count, told in zip(STAGES, (FIRST, NEXT), (TOLD, NEXT_TOLD), strict=True):
+    for name, count, told in zip(
+        STAGES, (FIRST, NEXT, NEXT), (TOLD, NEXT_TOLD, NEXT_TOLD), strict=True
+    ):
         assert found[name].weights[0].shape[0] == told
         assert found[name].weights[-1].shape[1] == 2 * count
     assert WEIGHTS.stat().st_size < 300_000
@@ -284,7 +286,7 @@ def test_a_mask_keeps_bit_for_bit_and_a_part_is_filtered_as_the_whole():
         assert np.array_equal(out[~part], mesh.vertices[~part])
         inner = vertices[:, 0] > np.where(part, vertices[:, 0], 2).min() + 0.05
         lengths = np.linalg.norm(out - whole, axis=1)[inner]
-        assert lengths.mean() < 0.1 * mesh.mean_edge_length
+        assert lengths.mean() < 0.2 * mesh.mean_edge_length
     assert np.array_equal(core.denoise_geometry(mesh, mask=np.ones(len(vertices))), whole)
     assert np.array_equal(core.denoise_geometry(mesh, mask=np.zeros(len(vertices))), mesh.vertices)
     half = core.denoise_geometry(mesh, mask=np.full(len(vertices), 0.5)) - mesh.vertices

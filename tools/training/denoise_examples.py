@@ -49,6 +49,8 @@ LOW = {"modelled": 0.4, "decimated": 0.28, "subdivided": 0.14, "uneven": 0.12, "
 UNTOUCHED, UNTOUCHED_FIGURES = 0.5, 0.65
 """Shares of these, and of sculptures, that have no noise."""
 
+CAGES, UNTOUCHED_CAGES = {"modelled": 0.3, "decimated": 0.35, "subdivided": 0.35}, 0.6
+"""Shares among meshes of few faces or out of such, and of them what has no noise."""
 
 FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
 """Shares among sculptures; see `crease_examples`."""
@@ -96,6 +98,11 @@ def example(seed: int, kind: str | None = None) -> Example:
     return Example(core.TriangleMesh(v, f), truth, kind)
 
 
+def rough(seed: int) -> Example:
+    """Make a solid with white noise at its vertices, another one than `example` makes."""
+    return example(10_000 + seed, "white")
+
+
 def figure(seed: int) -> Example:
     """Make a sculpture with folds and ridges a few edges wide, most of them without noise."""
     rng = np.random.default_rng(seed)
@@ -109,6 +116,35 @@ def figure(seed: int) -> Example:
         return Example(mesh, truth, "figure")
     noisy = mesh.moved_to(_moved(rng, mesh.vertices, mesh.faces, truth))
     return Example(noisy, truth, "noisy figure")
+
+
+def cage(seed: int) -> Example:
+    """Make a mesh of few faces, or one that was subdivided from few, most of them without noise."""
+    rng = np.random.default_rng(seed)
+    how = str(rng.choice(list(CAGES), p=list(CAGES.values())))
+    mesh = getattr(crease_examples, how)(int(rng.integers(1 << 40))).mesh
+    v = mesh.vertices
+    for _ in range(rng.integers(0, 3)):  # wider here, narrower there
+        v = v + rng.uniform(0, 0.25) * np.sin(v @ rng.normal(size=(3, 3)) * 2)
+    return _low_noisy(rng, v, mesh.faces, how, UNTOUCHED_CAGES, 0.01)
+
+
+def divided(seed: int) -> Example:
+    """Make a mesh of few faces whose faces were divided in place, most of them without noise."""
+    rng = np.random.default_rng(seed)
+    kind = rng.random()
+    if kind < 0.4:
+        v, f = _ring(rng)
+    elif kind < 0.7:
+        v, f = _turned(rng)
+    else:
+        how = str(rng.choice(["modelled", "decimated"]))
+        mesh = getattr(crease_examples, how)(int(rng.integers(1 << 40))).mesh
+        v, f = mesh.vertices, mesh.faces
+    for _ in range(rng.integers(0, 4)):
+        if len(f) < 1500:
+            v, f = _halved(v, f)
+    return _low_noisy(rng, v, f, "divided", UNTOUCHED_CAGES, 0.01)
 
 
 def drawn(seed: int) -> Example:
@@ -294,14 +330,14 @@ def _low(rng, shape, cells):
     return _low_noisy(rng, v, f, how)
 
 
-def _low_noisy(rng, v, f, how):
+def _low_noisy(rng, v, f, how, untouched=UNTOUCHED, least=0.05):
     # Open or not, noisy or not.
     if how != "even" and rng.random() < 0.3:  # a part is cut away
         d = v[f].mean(1) @ rng.normal(size=3)
         used, f = np.unique(f[d < np.quantile(d, rng.uniform(0.6, 0.97))], return_inverse=True)
         v, f = v[used], np.ascontiguousarray(f.reshape(-1, 3), np.int32)
     mesh = core.TriangleMesh(v, f)
-    if rng.random() < UNTOUCHED:
+    if rng.random() < untouched:
         return Example(mesh, mesh.normals, how)
     lengths = norm(v[f] - v[f[:, [1, 2, 0]]], 2)
     if how in ("modelled", "drawn") or rng.random() < 0.3:  # of the shortest edge
@@ -317,7 +353,7 @@ def _low_noisy(rng, v, f, how):
     else:
         local = np.full(len(v), lengths.mean())
     strong = rng.random() < 0.5
-    amount = rng.uniform(0.1, 0.65) if strong else np.exp(rng.uniform(np.log(0.05), np.log(0.5)))
+    amount = rng.uniform(0.1, 0.65) if strong else np.exp(rng.uniform(np.log(least), np.log(0.5)))
     move = amount * np.where(np.isfinite(local), local, 0)[:, None]
     noisy = core.TriangleMesh(v + rng.normal(size=v.shape) * move, f)
     return Example(noisy, mesh.normals, "noisy " + how)
@@ -333,6 +369,35 @@ def _uneven(rng, shape, cells):
     v, f = surface_nets(shape(p).reshape((cells,) * 3))
     v = np.stack([np.interp(v[:, x], np.arange(cells), axes[x]) for x in range(3)], 1)
     return nearest(shape, v, 2 * EXTENT / cells), f
+
+
+def _ring(rng):
+    # A polygon turned around an axis beside it.
+    corners, sides = int(rng.integers(3, 8)), int(np.exp(rng.uniform(*np.log((5, 90)))))
+    if rng.random() < 0.4:
+        angle = np.sort(rng.uniform(0, 2 * np.pi, corners))
+    else:
+        angle = 2 * np.pi * (np.arange(corners) + rng.random()) / corners
+    size = rng.uniform(0.1, 0.6, 2)
+    r, z = 1 + size[0] * np.cos(angle), size[1] * np.sin(angle)
+    a = np.arange(sides) * 2 * np.pi / sides
+    v = np.stack([r * np.cos(a)[:, None], r * np.sin(a)[:, None], 0 * a[:, None] + z], -1)
+    i, j = np.mgrid[:sides, :corners]
+    first = lambda x, y: ((x % sides) * corners + y % corners).reshape(-1)  # noqa: E731
+    quads = first(i, j), first(i + 1, j), first(i + 1, j + 1), first(i, j + 1)
+    f = np.concatenate([np.stack([quads[0], *quads[1:3]], 1), np.stack([quads[0], *quads[2:]], 1)])
+    return v.reshape(-1, 3) * rng.uniform(0.5, 1.5, 3) @ turn(rng), f.astype(np.int32)
+
+
+def _halved(v, f):
+    # Four faces for each, by the middles of its edges; nothing moves.
+    ends = np.sort(f[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    used, index = np.unique(ends, axis=0, return_inverse=True)
+    a, b, c = (index.reshape(-1, 3) + len(v)).T
+    v = np.concatenate([v, v[used].mean(1)])
+    corners = (f[:, 0], a, c), (a, f[:, 1], b), (c, b, f[:, 2]), (a, b, c)
+    f = np.concatenate([np.stack(each, 1) for each in corners])
+    return v, np.ascontiguousarray(f, np.int32)
 
 
 def _turned(rng):

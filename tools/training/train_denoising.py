@@ -20,12 +20,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from denoise_examples import drawn, example, figure
+from denoise_examples import cage, divided, drawn, example, figure, rough
 from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.base import parallel
 from shock_filter.core.mixture.choice import free_mixture
-from shock_filter.core.mixture.network import Network, save
+from shock_filter.core.mixture.network import Network, load, save
 from shock_filter.core.shape.learned import STAGES, WEIGHTS, found_in_stage
 from shock_filter.core.shape.smoothings import DEFINITION
 
@@ -35,13 +35,17 @@ MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py
            "solids.py", "train_denoising.py")  # fmt: skip
 """The scripts that the networks come from."""
 
-VERSION = 1
+VERSION = 2
 """Counts the trainings that were shipped."""
 
 MAKERS = {"solid": example, "white": partial(example, kind="white"), "figure": figure,
-          "drawn": drawn}  # fmt: skip
-COUNTS = {"solid": 1500, "white": 200, "figure": 350, "drawn": 160}
+          "drawn": drawn, "cage": cage, "divided": divided, "rough": rough}  # fmt: skip
+COUNTS = {"solid": 1500, "white": 200, "figure": 350, "drawn": 160, "cage": 400, "divided": 250,
+          "rough": 150}  # fmt: skip
 """How many seeds of each."""
+
+LATE = "cage", "divided", "rough"
+"""Kinds that the last stage alone learns from."""
 
 FACES, ROWS = (24, 60_000), (400, 1600)
 """Fewest and most faces of a mesh that counts, and of a mesh that are learned from; of small ones
@@ -61,7 +65,7 @@ USUAL = 1.5
 """Degrees: a mesh counts the less the farther its best smoothing is from the truth."""
 
 UNTOUCHED = {"modelled": 2.0, "decimated": 2.0, "subdivided": 2.0, "uneven": 2.0, "figure": 2.0,
-             "drawn": 2.0}  # fmt: skip
+             "drawn": 2.0, "divided": 2.0}  # fmt: skip
 """How much more those count that have few faces, or are sculptures, and have no noise."""
 
 TURNED = np.cos(np.radians(60.0))
@@ -145,19 +149,21 @@ def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]
 
 
 def train(
-    paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print
+    paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print, begun=()
 ) -> dict[str, Network]:
-    """Learn stage by stage, and say how well it does on meshes that are kept aside."""
-    networks: list[Network] = []
-    for stage, name in enumerate(STAGES):
-        each = gathered(partial(table, networks=networks), paths, processes)
-        rows = {key: np.concatenate([part[key] for part in each]) for key in each[0]}
+    """Learn stage by stage, and say how well it does on meshes that are kept aside.
+
+    The networks of the first stages may have been trained before.
+    """
+    networks: list[Network] = list(begun)
+    for stage, name in list(enumerate(STAGES))[len(networks) :]:
+        chosen = [path for path in paths if stage == len(STAGES) - 1 or not _is_late(path)]
+        each = gathered(partial(table, networks=networks), chosen, processes)
+        held = [bool(part["aside"].any()) for part in each]
+        aside = _together([part for part, off in zip(each, held, strict=True) if off])
+        rows = _together([part for part, off in zip(each, held, strict=True) if not off])
         del each
-        log(f"{name}: {rows['told'].shape} rows")
-        aside = {key: values[rows["aside"]] for key, values in rows.items()}
-        for key in list(rows):  # one after the other: they are large
-            if key != "aside":
-                rows[key] = rows[key][~rows["aside"]]
+        log(f"{name}: {rows['told'].shape} rows, {aside['told'].shape} aside")
         weights = rows["weights"] / rows["weights"].mean()
         network = adam.trained_free_mixture(
             rows["told"],
@@ -171,9 +177,28 @@ def train(
         )
         del rows
         tell(network, aside, log)
-        facts = {"definition": DEFINITION, "made_of": made_of(), "version": VERSION}
-        networks.append(replace(network, **facts))
-    return dict(zip(STAGES, networks, strict=True))
+        networks.append(network)
+    facts = {"definition": DEFINITION, "made_of": made_of(), "version": VERSION}
+    return {name: replace(each, **facts) for name, each in zip(STAGES, networks, strict=True)}
+
+
+def _is_late(path: Path) -> bool:
+    return path.stem.split("_")[1] in LATE
+
+
+def _together(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    # Takes from the parts what it puts together: all is large.
+    rows = {}
+    for key in list(each[0]):
+        parts = [part.pop(key) for part in each]
+        count = sum(map(len, parts))
+        rows[key] = np.empty((count, *parts[0].shape[1:]), parts[0].dtype)
+        end = count
+        while parts:
+            part = parts.pop()
+            rows[key][end - len(part) : end] = part
+            end -= len(part)
+    return rows
 
 
 def tell(network: Network, aside: dict[str, np.ndarray], log) -> None:
@@ -196,13 +221,15 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=WEIGHTS)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--share", type=float, default=1.0, help="of all that is made, to try out")
+    parser.add_argument("--last", action="store_true", help="train the last stage only")
     options = parser.parse_args()
     begin = time.time()
     log = lambda text: print(f"{time.time() - begin:6.0f} s  {text}", flush=True)  # noqa: E731
     counts = {name: max(int(options.share * count), 1) for name, count in COUNTS.items()}
     paths = make_all(counts, options.folder, options.processes)
     log(f"{len(paths)} meshes")
-    save(options.out, train(paths, options.processes, log=log))
+    begun = [load(WEIGHTS, DEFINITION)[name] for name in STAGES[:-1]] if options.last else []
+    save(options.out, train(paths, options.processes, log=log, begun=begun))
     log(f"written: {options.out}")
 
 
