@@ -202,8 +202,7 @@ def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
 
 
 def _generated(name: str, settings: Any, **given: Any) -> Any:
-    # Rays take long; `_baked` and `_directions` trace them at both sizes.
-    shape = 2 * (_SIZE if hasattr(settings, "rays") else _SOLVED,)
+    shape = 2 * (_SOLVED,)
     row = find(name)
     start = {"vertices": [0], "edges": [[1, 2]]} if row.takes_starts else {}
     for at_vertices in [False] + [True] * bool(row.vertices):

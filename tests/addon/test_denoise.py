@@ -132,7 +132,7 @@ def test_a_run_that_moves_nothing_says_what_to_raise(noisy_cube, capfd):
 def test_sharpening_follows_at_creases(noisy_cube):
     from shock_filter import core
 
-    cube, _ = noisy_cube()
+    cube, _ = noisy_cube(noise=0.06)
     start = read_positions(cube.data)
     denoise()
     between = read_positions(cube.data)
