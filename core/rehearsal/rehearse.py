@@ -54,6 +54,7 @@ from ..settings import (
     describe,
     named,
 )
+from ..shape.denoising import denoise_geometry
 from ..shape.folds import mended
 from ..shape.results import tell_lost
 from .arrays import runs_on_images, runs_on_meshes, runs_on_textures
@@ -158,6 +159,7 @@ def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
     )
     yield partial(low_poly_of, cut, GeometrySettings(), True, 0.25, 8.0)
     yield _mend
+    yield _denoise
     for surface in (painted, _at_corners()):
         yield partial(flow_of_colors, surface, ShockSettings(), True, None)
 
@@ -303,6 +305,14 @@ def _mend() -> None:
     moved = np.random.default_rng(0).normal(size=mesh.vertices.shape) * mesh.mean_edge_length
     mended(mesh, mesh.normals, moved, None)
     tell_lost(mesh, np.ones(mesh.vertex_count))
+
+
+def _denoise() -> None:
+    # Noise that no stage takes for the shape, so that all of them run.
+    positions, triangles = _box()
+    noise = np.random.default_rng(0).normal(size=positions.shape) * 0.02
+    mesh = TriangleMesh(positions + noise, triangles)
+    assert np.abs(denoise_geometry(mesh) - mesh.vertices).max() > 0
 
 
 def _sides_of_quads(surface: MirroredSurface) -> np.ndarray:

@@ -189,7 +189,7 @@ def next_smoothings(
     with phase(0.0, 0.7, _MESSAGE):
         into.keep(field)
         faces.means(field, None, 0.0, _NEXT_PLAIN, into)
-        into.keep(original.normals)
+        into.keep(original.normals.astype(np.float32))
         into.keep(own)
         for spread, counts in _NEXT_ALIKE:
             faces.alike(field, spread, counts, into)
@@ -270,7 +270,7 @@ class _Kept:
     def __init__(self, found: Singles) -> None:
         self._found, self._next = found, 0
 
-    def keep(self, field: npt.NDArray) -> None:
+    def keep(self, field: Singles) -> None:
         run(_put, len(field), field, self._next, self._found)
         self._next += 1
         ask()
