@@ -8,7 +8,7 @@ import pytest
 from shapes import rotation
 from shock_filter.core.base import parallel
 from shock_filter.core.mixture.cells import MeansAround
-from shock_filter.core.mixture.choice import mixture, pair_count, tell_pairs
+from shock_filter.core.mixture.choice import FAINT, mixture, pair_count, tell_pairs
 from shock_filter.core.mixture.network import Network, load, save
 
 
@@ -131,3 +131,11 @@ def test_a_few_places_very_far_apart_take_neither_memory_nor_time():
     places = np.array([[0.0, 0, 0], [1e12, 0, 0], [0, 1e12, 1e12]])
     means = MeansAround(places, np.array([[1.0], [2.0], [3.0]]), 5.0).at(np.arange(3))
     assert means[:, 0] == pytest.approx([1, 2, 3])
+
+
+def test_logarithms_of_distances_are_those_of_numpy():
+    far = np.concatenate([[0.0], np.geomspace(1e-6, 19.0, 5000)]).astype(np.float32)
+    told = np.empty((len(far), 1), dtype=np.float32)
+    tell_pairs(np.stack([np.zeros_like(far), far], axis=1)[..., None], told)
+    wanted = np.log((far + np.float32(FAINT)).astype(float)) + 2.0
+    assert np.abs(told[:, 0] - wanted).max() < 2e-6

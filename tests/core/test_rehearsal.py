@@ -3,6 +3,7 @@
 
 import pytest
 from shock_filter.core.rehearsal import rehearse as rehearsal
+from shock_filter.core.shape import learned
 
 
 def test_it_ends_when_it_is_told_to():
@@ -29,3 +30,17 @@ def test_examples_are_changed_by_the_filters(kind):
         assert (result.recolored.colors != old).any(axis=2).sum() > 100
     else:
         assert result.changed > 100
+
+
+def test_noise_takes_denoising_through_all_its_stages(monkeypatch):
+    seen = []
+
+    def mixed(network, *others):
+        seen.append(network)
+        return learned_mixed(network, *others)
+
+    learned_mixed = learned.mixed
+    monkeypatch.setattr(learned, "mixed", mixed)
+    rehearsal._denoise()
+    assert seen == learned.networks()
+    assert rehearsal._denoise in list(rehearsal._runs({"colors"}))
