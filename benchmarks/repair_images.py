@@ -25,6 +25,8 @@ QUALITIES = 30, 40, 50, 60, 70, 80
 PART = 256
 PHOTOS = "kodim04", "kodim05", "kodim08", "kodim13"
 SET5 = "img_001", "img_002", "img_003", "img_004", "img_005"
+OTHERS = "astronaut", "coffee", "chelsea"
+"""From scikit-image."""
 
 
 def decibels(found: Pixels, image: Pixels) -> float:
@@ -35,9 +37,12 @@ def decibels(found: Pixels, image: Pixels) -> float:
 
 def photos(data: Path) -> dict[str, Pixels]:
     """Parts of photos that were not compressed before."""
+    import skimage
+
     found = {}
     paths = [(name, data / "images" / f"{name}.png") for name in PHOTOS]
     paths += [(name, data / "images" / "set5" / f"{name}_SRF_2_HR.png") for name in SET5]
+    paths += [(name, Path(skimage.__file__).parent / "data" / f"{name}.png") for name in OTHERS]
     for name, path in paths:
         image = np.asarray(Image.open(path).convert("RGB"))
         top, left = ((n - PART) // 2 for n in image.shape[:2])

@@ -21,14 +21,22 @@ _BLACK = 2.5 / 255
 _RUN_IN = 14 / 255
 """Means of channels up to this are black where a picture was compressed until blocks were seen."""
 
-_LEFT = 0.5
-"""Least share of black texels in each unseen face there, and of truly black ones in all."""
+_NEAR, _FAR = 3, 10
+"""Texels within which a group is compared with what is dark, and with what lies around it."""
 
 _RINGS = 4
-"""Texels around unseen faces that are filled, too, there, as black has run into them."""
+"""Texels around unseen faces that are filled, too, where a picture was compressed, as black has run
+into them; and how far inside a group nothing else has run in."""
 
-_STRAY_THERE = 0.3
-"""As `_STRAY`, there."""
+_DEEP = 2.0 / 255
+"""Most mean value there: black paint is hardly ever as dark."""
+
+_APART = 0.004
+"""Share of bright texels inside a group's outline, for each texel of a face's diameter, up to which
+what is dark ends where faces do: in black paint it is three times as much or more."""
+
+_RESOLVED = 10.0
+"""Least texels of a face at which that can be told."""
 
 _STRAY = 0.15
 """Share of black texels in the faces around a group of black ones from which it is painted."""
@@ -98,9 +106,7 @@ def _of_color(pixels: npt.NDArray, color: npt.NDArray, alpha: int) -> Bools:
     return (off <= step).all(axis=2)
 
 
-def unseen_texels(
-    atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1, *, was_compressed: bool = False
-) -> Bools:
+def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> Bools:
     """Find the texels of faces that no photo saw: groups of faces that are black all over.
 
     What is painted black does not end where faces do: a group counts only if few of the texels
@@ -112,29 +118,12 @@ def unseen_texels(
     pixels : (h, w, c) array
     alpha : int
         The channel of opacity, which does not matter; -1: none.
-    was_compressed : bool
-        Whether compression, as JPEG does, lets colors from around run into what was black.
     """
     colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
-    white = 1.0 / SCALES[pixels.dtype.name]
-    truly = (colors <= _BLACK * white).all(axis=2)
-    share, most, left = 1.0, _STRAY, 0.0
-    if was_compressed:  # color runs farther than brightness
-        means = colors.mean(axis=2, dtype=np.float32)
-        black = means <= _RUN_IN * white
-        share, most, left = _LEFT, _STRAY_THERE, _LEFT
-    else:
-        black = truly
-    masks = atlas.masks()
-    face = masks.face
-    shown = face >= 0
-    count = len(atlas.mesh.faces)
-    texels = np.bincount(face[shown], minlength=count)
-    dark = np.bincount(face[shown & black], minlength=count)
-    # Texels on a face's border may show another face's color.
-    unseen = (texels > 0) & (dark >= share * texels - 0.1 * np.sqrt(texels))
-    groups = _groups(atlas, unseen | ((texels == 0) & _beside(atlas, unseen)))
+    black = (colors <= _BLACK / SCALES[pixels.dtype.name]).all(axis=2)
+    groups, texels, dark = _dark_groups(atlas, black, 1.0)
     total = int(groups.max(initial=-1)) + 1
+    face = atlas.masks().face
     if total == 0:
         return np.zeros(face.shape, dtype=np.bool_)
     size = np.bincount(groups[groups >= 0], weights=texels[groups >= 0], minlength=total)
@@ -145,13 +134,92 @@ def unseen_texels(
     others, group = twins[edges] // 3, groups[edges // 3]
     around = np.bincount(group, texels[others], total)
     stray = np.bincount(group, dark[others], total)
-    core = np.bincount(groups[face[shown & truly]] + 1, minlength=total + 1)[1:]
-    found = (size >= _FEWEST) & (stray <= most * around) & (core >= left * size)
-    of_face = np.zeros(count, dtype=np.bool_)
-    of_face[groups >= 0] = found[groups[groups >= 0]]
-    result = np.zeros(face.shape, dtype=np.bool_)
-    result[shown] = of_face[face[shown]]
-    return widened(result, _RINGS) & shown if was_compressed else result
+    return _shown(groups, (size >= _FEWEST) & (stray <= _STRAY * around), face)
+
+
+def unseen_in_compressed(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> Bools:
+    """Find the same where compression, as JPEG does, let colors from around run into the black.
+
+    A group counts if it is black deep inside, and if what is dark ends at its outline. Faces of few
+    texels cannot tell: there nothing is found.
+
+    Parameters
+    ----------
+    atlas, pixels, alpha
+        As in `unseen_texels`.
+    """
+    colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
+    # Color runs farther than brightness.
+    means = colors.mean(axis=2, dtype=np.float32) * np.float32(SCALES[pixels.dtype.name])
+    groups, texels, _ = _dark_groups(atlas, means <= _RUN_IN, 0.5)
+    total = int(groups.max(initial=-1)) + 1
+    face = atlas.masks().face
+    if total == 0:
+        return np.zeros(face.shape, dtype=np.bool_)
+    label = np.where(face >= 0, groups[np.maximum(face, 0)], np.int32(-1))
+    rows, columns = _around(label >= 0, _FAR)
+    small, means, shown = label[rows, columns], means[rows, columns], face[rows, columns] >= 0
+    near = _grown(small, _NEAR)
+    ringed = _grown(near, _RINGS - _NEAR)
+    far = _grown(ringed, _FAR - _RINGS)
+    beside = (far >= 0) & (ringed < 0) & shown
+    deep = (small >= 0) & ~widened(small < 0, _RINGS)
+    inner = (small >= 0) & widened((small < 0) & shown, _NEAR)
+
+    def count(labels: Ints, which: Bools, values: npt.NDArray | None = None) -> npt.NDArray:
+        of = None if values is None else values[which]
+        return np.bincount(labels[which], of, total)
+
+    outside = count(far, beside, means) / np.maximum(count(far, beside), 1)
+    inside = count(small, deep, means) / np.maximum(count(small, deep), 1)
+    bright = means > 0.5 * outside[np.maximum(small, 0)]
+    wrong = count(small, inner & bright) / np.maximum(count(small, inner), 1)
+    of_faces = groups[groups >= 0]
+    size = np.bincount(of_faces, texels[groups >= 0], total) / np.bincount(of_faces, None, total)
+    found = (count(small, deep) >= _FEWEST) & (count(far, beside) >= _FEWEST) & (inside <= _DEEP)
+    found &= (size >= _RESOLVED) & (wrong <= _APART * np.sqrt(2 * size))
+    return widened(_shown(groups, found, face), _RINGS) & (face >= 0)
+
+
+def _dark_groups(
+    atlas: TextureAtlas, black: Bools, share: float
+) -> tuple[Ints, npt.NDArray, npt.NDArray]:
+    # Groups of faces of which at least a share is black; texels of faces, and black ones of these.
+    face = atlas.masks().face
+    shown = face >= 0
+    count = len(atlas.mesh.faces)
+    texels = np.bincount(face[shown], minlength=count)
+    dark = np.bincount(face[shown & black], minlength=count)
+    # Texels on a face's border may show another face's color.
+    unseen = (texels > 0) & (dark >= share * texels - 0.1 * np.sqrt(texels))
+    return _groups(atlas, unseen | ((texels == 0) & _beside(atlas, unseen))), texels, dark
+
+
+def _shown(groups: Ints, found: Bools, face: Ints) -> Bools:
+    # The texels of the groups that were found.
+    of_face = np.append((groups >= 0) & found[np.maximum(groups, 0)], False)
+    result: Bools = of_face[face]
+    return result
+
+
+def _around(marked: Bools, margin: int) -> tuple[slice, slice]:
+    # The rows and columns that hold what is marked, with a margin.
+    lines = (np.flatnonzero(marked.any(axis=1 - axis)) for axis in (0, 1))
+    first, second = (slice(max(int(n[0]) - margin, 0), int(n[-1]) + margin + 1) for n in lines)
+    return first, second
+
+
+def _grown(labels: Ints, rings: int) -> Ints:
+    # Labels of texels without one, -1, from those around.
+    for _ in range(rings):
+        wide = labels.copy()
+        np.maximum(wide[1:], labels[:-1], out=wide[1:])
+        np.maximum(wide[:-1], labels[1:], out=wide[:-1])
+        both = wide.copy()
+        np.maximum(both[:, 1:], wide[:, :-1], out=both[:, 1:])
+        np.maximum(both[:, :-1], wide[:, 1:], out=both[:, :-1])
+        labels = np.where(labels >= 0, labels, both)
+    return labels
 
 
 def widened(marked: Bools, rings: int) -> Bools:

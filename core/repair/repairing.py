@@ -37,7 +37,7 @@ from ..texture.textures_by_width import nodes_inside
 from .blocks import remove_blocks
 from .enlarging import enlarge_texture
 from .filling import fill_texture
-from .missing import missing_texels, unseen_texels
+from .missing import missing_texels, unseen_in_compressed
 from .noticeable import against_contrast, among_small, beside_detail, beside_seams
 
 _Bools = npt.NDArray[np.bool_]
@@ -266,8 +266,8 @@ def _missing(
     pixels = image.reshape(*image.shape[:2], -1)
     inside = surface.atlas.inside
     found = missing_texels(surface.atlas, pixels, alpha, None, how) * inside
-    if settings.fill != "opacity" and not found.any() and (clean != image).any():
-        found = unseen_texels(surface.atlas, pixels, alpha, was_compressed=True) * inside * 1.0
+    if settings.fill != "opacity" and (clean != image).any():
+        found = np.maximum(found, unseen_in_compressed(surface.atlas, pixels, alpha) * inside)
     if settings.fill == "unseen" and alpha >= 0:  # what is cut out has no color
         found = found * (pixels[..., alpha] > 0)
     if found[inside].all():  # black is meant, or nobody knows better
