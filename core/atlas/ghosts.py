@@ -110,25 +110,54 @@ def fill_ghosts(
     return known
 
 
-def ghosts_that_read_ghosts(sheet: Sheet, sources: GhostSources) -> Ints:
-    """List the ghosts whose values other ghosts are needed for: (k,) int32."""
-    chained = np.zeros(len(sheet.ghosts), dtype=np.bool_)
-    run(_find_chained, len(chained), sheet.nodes, sources.cells, chained)
-    return np.flatnonzero(chained).astype(np.int32)
+class GhostReads(NamedTuple):
+    """What ghosts read, round by round: all of them first, then those that read ghosts.
 
-
-def fill_planes(
-    sheet: Sheet, sources: GhostSources, planes: npt.NDArray[np.float32], chained: Ints
-) -> None:
-    """Do as `fill_ghosts`, for planes that lie one after the other.
-
-    Parameters
+    Attributes
     ----------
-    planes : (k, rows, columns) float32
-    chained : (n,) int32
-        As from `ghosts_that_read_ghosts`.
+    ghosts : (n,) int32
+        Row times columns plus column of the ghosts that receive a value.
+    corners : (n, 4) int32
+        The same of the nodes that each reads.
+    weights : (n, 4) float64
+    totals : (n,) float64
+        The sums of the weights.
+    rounds : (_ROUNDS + 1,) int64
+        Where rounds begin in these, and the last one ends.
     """
-    run(_fill_planes, len(planes), sheet.nodes, sheet.ghosts, sources, planes, chained, chunk=1)
+
+    ghosts: Ints
+    corners: Ints
+    weights: npt.NDArray[np.float64]
+    totals: npt.NDArray[np.float64]
+    rounds: npt.NDArray[np.int64]
+
+
+def find_reads(sheet: Sheet, sources: GhostSources) -> GhostReads:
+    """Find what `fill_planes` reads."""
+    which = np.flatnonzero(sources.cells >= 0).astype(np.int32)
+    known = np.zeros(len(sheet.ghosts), dtype=np.bool_)
+    found = []
+    for number in range(_ROUNDS):
+        corners = np.empty((len(which), 4), dtype=np.int32)
+        weights = np.empty((len(which), 4))
+        run(_find_reads, len(which), which, sheet.nodes, sources, known, corners, weights)
+        totals = weights.sum(axis=1)
+        at = totals > 0
+        known = known.copy()
+        known[which[at]] = True
+        found.append((sheet.ghosts[which[at]], corners[at], weights[at], totals[at]))
+        if number == 0:
+            chained = np.zeros(len(known), dtype=np.bool_)
+            run(_find_chained, len(chained), sheet.nodes, sources.cells, chained)
+            which = np.flatnonzero(chained).astype(np.int32)
+    rounds = np.cumsum([0, *(len(each[0]) for each in found)])
+    return GhostReads(*map(np.concatenate, zip(*found, strict=True)), rounds)
+
+
+def fill_planes(reads: GhostReads, planes: npt.NDArray[np.float32]) -> None:
+    """Do as `fill_ghosts`, for planes that lie one after the other: (k, rows, columns)."""
+    run(_fill_planes, len(planes), reads, planes, chunk=1)
 
 
 def nearest_nodes(sheet: Sheet, sources: GhostSources) -> Ints:
@@ -400,26 +429,45 @@ def _find_chained(start, stop, nodes, cells, chained):
 
 
 @kernel
-def _fill_planes(start, stop, nodes, ghosts, sources, planes, chained):
-    # The first round reads all ghosts; further ones change those that read others.
+def _find_reads(start, stop, which, nodes, sources, known, corners, weights):
+    # As `_add_nodes`; what counts for nothing has the weight 0, and the place of what counts.
+    flat, columns = nodes.reshape(-1), nodes.shape[1]
     cells, places, _ = sources
-    found = np.zeros((len(ghosts), 1), np.float32)
+    for n in range(start, stop):
+        i = which[n]
+        down, across = places[i]
+        used = cells[i]
+        for corner in range(4):
+            node = cells[i] + (corner >> 1) * columns + (corner & 1)
+            corners[n, corner] = node
+            ghost = -2 - flat[node]
+            weights[n, corner] = 0.0
+            if ghost == -1 or (ghost >= 0 and not known[ghost]):
+                corners[n, corner] = -1
+                continue
+            weight = down if corner >> 1 else 1.0 - down
+            weights[n, corner] = weight * (across if corner & 1 else 1.0 - across)
+            used = node
+        for corner in range(4):
+            if corners[n, corner] < 0:
+                corners[n, corner] = used
+
+
+@kernel
+def _fill_planes(start, stop, reads, planes):
+    ghosts, corners, weights, totals, rounds = reads
+    found = np.empty(len(ghosts), np.float32)
     for k in range(start, stop):
-        values = planes[k].reshape(-1, 1)
-        known = np.zeros(len(ghosts), np.bool_)
-        for once in range(_ROUNDS):
-            known_now = known.copy()
-            for n in range(len(ghosts) if once == 0 else len(chained)):
-                i = n if once == 0 else chained[n]
-                found[i] = 0.0
-                known_now[i] = cells[i] >= 0 and interpolate(
-                    nodes, known, values, cells[i], places[i, 0], places[i, 1], -1, found[i]
-                ) > 0  # fmt: skip
-            known = known_now
-            for n in range(len(ghosts) if once == 0 else len(chained)):
-                i = n if once == 0 else chained[n]
-                if known[i]:
-                    values[ghosts[i], 0] = found[i, 0]
+        values = planes[k].reshape(-1)
+        for number in range(len(rounds) - 1):
+            for n in range(rounds[number], rounds[number + 1]):
+                value = np.float32(0)
+                for corner in range(4):
+                    share = weights[n, corner] * values[corners[n, corner]]
+                    value = np.float32(value + share)
+                found[n] = value / totals[n]
+            for n in range(rounds[number], rounds[number + 1]):
+                values[ghosts[n]] = found[n]
 
 
 @kernel

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.advect import advect_texels
 from ..atlas.cell_means import CellMeans
-from ..atlas.ghosts import fill_planes, ghosts_that_read_ghosts
+from ..atlas.ghosts import fill_planes, find_reads
 from ..atlas.potential import smooth_texels, texel_potential
 from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
@@ -63,7 +63,7 @@ class Surface:
         nearest = np.empty_like(ends)
         with aside(_MESSAGE):
             run(_nearest_inside, len(ends), ends, sheet.nodes, nearest)
-            self._chained = ghosts_that_read_ghosts(sheet, sources)
+            self._reads = find_reads(sheet, sources)
         self._ends, self._nearest = ends[nearest >= 0], nearest[nearest >= 0]
 
     @cached_property
@@ -80,7 +80,7 @@ class Surface:
     def complete(self, planes: Singles) -> Singles:
         """Fill the ghosts, in place: (k, rows, columns)."""
         with aside(_MESSAGE):
-            fill_planes(self.atlas.sheet, self.atlas.sources, planes, self._chained)
+            fill_planes(self._reads, planes)
         for plane in planes:
             flat = plane.reshape(-1)
             flat[self._ends] = flat[self._nearest]

@@ -13,7 +13,7 @@ from shock_filter.core.atlas.cell_means import COARSE, FINE, CellMeans, _squares
 from shock_filter.core.atlas.ghosts import (
     fill_ghosts,
     fill_planes,
-    ghosts_that_read_ghosts,
+    find_reads,
     nearest_nodes,
 )
 from shock_filter.core.base.findings import gathering
@@ -238,7 +238,7 @@ def test_planes_are_filled_as_interleaved_values(surface):
     values = np.random.default_rng(0).random((*sheet.nodes.shape, 3)).astype(np.float32)
     planes = np.ascontiguousarray(np.moveaxis(values, 2, 0))
     fill_ghosts(sheet, sources, values)
-    fill_planes(sheet, sources, planes, ghosts_that_read_ghosts(sheet, sources))
+    fill_planes(find_reads(sheet, sources), planes)
     np.testing.assert_array_equal(np.moveaxis(planes, 0, 2), values)
 
 
