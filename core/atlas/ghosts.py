@@ -152,7 +152,8 @@ def find_reads(sheet: Sheet, sources: GhostSources) -> GhostReads:
             run(_find_chained, len(chained), sheet.nodes, sources.cells, chained)
             which = np.flatnonzero(chained).astype(np.int32)
     rounds = np.cumsum([0, *(len(each[0]) for each in found)])
-    return GhostReads(*map(np.concatenate, zip(*found, strict=True)), rounds)
+    ghosts, corners, weights, totals = map(np.concatenate, zip(*found, strict=True))
+    return GhostReads(ghosts, corners, weights, totals, rounds)
 
 
 def fill_planes(reads: GhostReads, planes: npt.NDArray[np.float32]) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from strategies import LONG
 
-RUNS = 200 if LONG else 40
-MOST_GROWTH = 8 * 1024**2
+RUNS = 200 if LONG else 24
+MOST_GROWTH = 5 * 1024**2
 """Above what allocators keep for themselves, in bytes."""
 
 
