@@ -61,7 +61,8 @@ _WIDE, _GRADIENT = 8.0, 14.0
 
 _TAKEN = 0.75
 """Share of the sharpening that is taken: painted textures are rarely as crisp as texels allow, and
-come nearer to what they were with a little of their softness; crisp ones lose a fifth of the gain."""
+come nearer to what they were with a little of their softness. Crisp ones lose a fifth of the gain.
+"""
 
 
 class _Surface(NamedTuple):
