@@ -460,6 +460,7 @@ def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path, monkeypa
     monkeypatch.setattr(automatic, "_undone", -10.0)
     operand.location.x = 0.7
     bpy.context.view_layer.update()
+    assert automatic.is_coming(copy) and not automatic.due()  # before it is looked at, too
     automatic._look()
     assert automatic.due() == [copy]
     automatic.run()
@@ -497,6 +498,26 @@ def test_a_change_meanwhile_ends_an_update(joined_cubes, monkeypatch):
     bpy.context.view_layer.update()
     automatic._look()
     assert asked == ["cancel"]  # that of another copy goes on
+
+
+@pytest.mark.parametrize(("pause", "state"), [(0.0, "fresh"), (60.0, "moved")])
+def test_only_a_change_after_a_pause_is_followed_at_once(joined_cubes, monkeypatch, pause, state):
+    _, operand = joined_cubes
+    sharpen(output="LIVE")
+    copy = bpy.context.object
+    bpy.ops.shock_filter.auto_update_live()
+    monkeypatch.setattr(automatic, "_PAUSE", pause)
+    monkeypatch.setattr(automatic, "_undone", -10.0)
+    for shift in (0.1, 0.2):
+        operand.location.x = 1.0 - shift
+        bpy.context.view_layer.update()
+        automatic._look()
+    assert live.state(copy) == state
+    monkeypatch.setattr(automatic, "REST", 0.0)
+    operand.location.x = 0.5
+    bpy.context.view_layer.update()
+    automatic._look()
+    assert live.state(copy) == "fresh"
 
 
 def count_runs(monkeypatch):
