@@ -19,11 +19,14 @@ AUTO = "shock_filter_auto"
 REST = 0.15
 """Seconds without a change before an update; a change that comes later cancels it."""
 
+_PAUSE = 1.0
+"""Seconds without a change after which the next is taken as the only one, and waits for nothing."""
+
 _QUIET = 1.0
 """Seconds of an update before its progress is drawn, which takes time from it."""
 
-_LOOK = 0.05
-"""Seconds between looks while something happens; else `REST` is."""
+_LOOK, LOOK_ASLEEP = 0.02, 0.05
+"""Seconds between looks while something happens, and else."""
 
 _AWAKE = 3.0
 """Seconds after a change in which something happens."""
@@ -32,6 +35,9 @@ _AFTER_UNDO = 1.0
 """Seconds after an undo or redo in which changes are those that it brought."""
 
 _seen = 0.0
+_rest = REST
+"""Seconds without a change that the last one waits for."""
+
 _job: jobs.Job | None = None
 """That of the last update."""
 
@@ -52,9 +58,14 @@ def is_on(obj: bpy.types.Object) -> bool:
 
 
 def is_coming(obj: bpy.types.Object) -> bool:
-    """Whether a live copy that is out of date is about to be updated."""
+    """Whether a live copy that is out of date is about to be updated.
+
+    Right after a change the tab is drawn before that is looked at. If it said then that the copy is
+    out of date, its panels would move for it, and back: each takes several drawings of the window.
+    """
     is_running = _job is not None and _job is jobs.current() and obj.session_uid == _updated
-    return is_on(obj) and (is_running or obj.session_uid not in _refused)
+    is_new = not _is_of_undo() and obj.session_uid in data.live.watching.changed_since(_seen)
+    return is_on(obj) and (is_running or is_new or obj.session_uid not in _refused)
 
 
 def switch(obj: bpy.types.Object, is_wanted: bool) -> None:
@@ -122,12 +133,13 @@ def _note_job() -> None:
 
 
 def _look() -> float:
-    global _seen
+    global _seen, _rest
     changed_at = data.live.watching.changed_at
     if changed_at != _seen:
         changed = data.live.watching.changed_since(_seen)
+        _rest = 0.0 if changed_at - _seen > _PAUSE else REST
         _seen = changed_at
-        if changed_at - _undone > _AFTER_UNDO:
+        if not _is_of_undo():
             _refused.difference_update(changed)
         else:  # Blender evaluates after the handlers of undo
             _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
@@ -135,10 +147,15 @@ def _look() -> float:
             _job.cancel()  # its result would be out of date
             _refused.discard(_updated)
     elapsed = time.monotonic() - changed_at
-    if elapsed < REST:
-        return max(REST - elapsed, 0.01)
+    if elapsed < _rest:
+        return max(_rest - elapsed, 0.01)
     run()
-    return _LOOK if elapsed < _AWAKE else REST
+    return _LOOK if elapsed < _AWAKE else LOOK_ASLEEP
+
+
+def _is_of_undo() -> bool:
+    """Whether an undo or redo has brought the last change."""
+    return data.live.watching.changed_at - _undone <= _AFTER_UNDO
 
 
 def _is_busy() -> bool:

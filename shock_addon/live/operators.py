@@ -16,6 +16,9 @@ from .drawing import BLACK_SHOWS, PAINTED, WHITE_SHOWS
 _GROUP = "Shock Filter"
 """The vertex group that is painted."""
 
+_Plan = list[tuple[bpy.types.Object, list[updating.Step]]]
+"""Objects, and what makes their results again."""
+
 
 def _active(context: bpy.types.Context) -> bpy.types.Object | None:
     obj = context.object
@@ -40,29 +43,40 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Let a thread compute, if it is one object."""
-        objects = self._objects(context)
-        return self._update(objects, "INVOKE_DEFAULT" if len(objects) == 1 else "EXEC_DEFAULT")
+        plan = self._plan(context)
+        return self._update(plan, "INVOKE_DEFAULT" if len(plan) == 1 else "EXEC_DEFAULT")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Update one after the other."""
-        return self._update(self._objects(context), "EXEC_DEFAULT")
+        return self._update(self._plan(context), "EXEC_DEFAULT")
 
-    def _update(self, objects: list[bpy.types.Object], how: str) -> set[str]:
+    def _update(self, plan: _Plan, how: str) -> set[str]:
         done = 0
-        for obj in objects:
+        made: list[updating.Step] = []
+        for obj, steps in plan:
             ended: set[str] = set()
+            left = [step for step in steps if not any(each.does(step) for each in made)]
             try:
-                ended = updating.update(obj, how, obj == objects[-1])
-                done += ended != {"CANCELLED"}
+                if left:
+                    is_last = obj == plan[-1][0]
+                    ended = updating.run_each(obj, left, how, is_last, ended=made.append)
+                    done += ended != {"CANCELLED"}
             except RuntimeError as error:
                 self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
         if done and ended.isdisjoint({"FINISHED", "RUNNING_MODAL"}):  # it has added no step of undo
             bpy.ops.ed.undo_push(message=self.bl_label)
         return {"FINISHED"} if done else {"CANCELLED"}
 
-    def _objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        others = [obj for obj in data.chosen.mesh_users(context) if obj != context.object]
-        return [context.object] + [obj for obj in others if not updating.obstacle(obj)]
+    def _plan(self, context: bpy.types.Context) -> _Plan:
+        """List objects, each with its steps; without those of which the active one makes all."""
+        first = updating.steps_of(context.object)
+        others = [obj for obj in data.chosen.mesh_objects(context) if obj != context.object]
+        plan = [(obj, updating.steps_of(obj)) for obj in others if not updating.obstacle(obj)]
+        return [(context.object, first)] + [
+            (obj, steps)
+            for obj, steps in plan
+            if not all(any(each.does(step) for each in first) for step in steps)
+        ]
 
 
 class SHOCK_FILTER_OT_auto_update_live(bpy.types.Operator):

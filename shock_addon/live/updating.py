@@ -34,17 +34,31 @@ class Step(NamedTuple):
         Its properties, and others that it does not know.
     objects : list of int
         Uids of the objects that it works on.
+    subjects : set of int
+        Uids of what the result depends on: the mesh and the source of a live copy, or all objects
+        that show a texture.
     """
 
     operator: str
     settings: dict[str, Any]
     objects: list[int]
+    subjects: set[int]
+
+    def does(self, other: Step) -> bool:
+        """Whether it does what another one does, of another object that shares mesh or texture."""
+        return (self.operator, self.settings, self.subjects) == (
+            other.operator,
+            other.settings,
+            other.subjects,
+        )
 
 
 def steps_of(obj: bpy.types.Object, with_textures: bool = True) -> list[Step]:
     """List the runs that make the live results of an object again: colors, shape, textures."""
     recipes = data.live.recipes.all_noted(obj.data)
-    found = [Step(*recipe, [obj.session_uid]) for recipe in recipes]
+    source = data.chosen.live_source(obj)
+    subjects = {each.session_uid for each in (obj.data, source) if each is not None}
+    found = [Step(*recipe, [obj.session_uid], subjects) for recipe in recipes]
     for node, mix in data.mixes.mixed([obj.name]) if with_textures else []:
         recipe = data.live.recipes.noted(mix, data.LIVE_TEXTURE)
         step = None if recipe is None else _of_texture(obj, node, mix, recipe)
@@ -77,7 +91,8 @@ def _of_texture(
         settings["image"] = node.image.name
         shown = None if result is None else result.image
         settings["result"] = "" if shown is None else shown.name
-    return Step(operator, settings, [obj.session_uid, *(each.session_uid for each in others)])
+    uids = [obj.session_uid, *(each.session_uid for each in others)]
+    return Step(operator, settings, uids, set(uids))
 
 
 def _shows(obj: bpy.types.Object, mix: bpy.types.Node) -> bool:
@@ -135,16 +150,21 @@ def update(
     reason = obstacle(obj)
     if reason:
         raise RuntimeError(reason)
-    return _run_each(obj, steps_of(obj, with_textures), how, is_undoable, began)
+    return run_each(obj, steps_of(obj, with_textures), how, is_undoable, began)
 
 
-def _run_each(
+def run_each(
     obj: bpy.types.Object,
     steps: list[Step],
     how: str,
     is_undoable: bool,
-    began: Callable[[], None],
+    began: Callable[[], None] = lambda: None,
+    ended: Callable[[Step], None] = lambda step: None,
 ) -> set[str]:
+    """Run steps of an object, as `update` does, which has the same parameters.
+
+    `ended` is called with each step that has finished; not with those that a thread computes.
+    """
     done: set[str] = set()
     for number, step in enumerate(steps):
         rest = steps[number + 1 :]
@@ -160,6 +180,7 @@ def _run_each(
             if rest and "RUNNING_MODAL" in done:
                 _after(jobs.current(), obj.session_uid, rest, how, began)
             break
+        ended(step)
     return done
 
 
@@ -181,7 +202,7 @@ def _after(
         window = windows[0] if windows and not bpy.app.background else None
         try:
             with bpy.context.temp_override(window=window) if window else nullcontext():
-                _run_each(obj, steps, how, True, began)
+                run_each(obj, steps, how, True, began)
         except RuntimeError as error:
             print(f"Shock Filter: {obj.name}: {error}")
         return None

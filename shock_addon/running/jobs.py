@@ -281,8 +281,8 @@ def is_scene_read() -> bool:
 
 
 def _is_held_back(context: bpy.types.Context, event: bpy.types.Event) -> bool:
-    if event.value == "NOTHING" or event.type in _PASSED_ON:
-        return False
+    if event.value in {"NOTHING", "RELEASE"} or event.type in _PASSED_ON:
+        return False  # where a button is held, such as that of a slider, its release must arrive
     sidebars = _sidebars(context.window)
     in_sidebar = any(holds(region, event.mouse_x, event.mouse_y) for region in sidebars)
     return not (event.type == "LEFTMOUSE" and in_sidebar)

@@ -204,6 +204,8 @@ def test_keys_and_clicks_are_held_back_but_not_in_the_sidebar(context):
         assert operator.modal(context, held) == {"RUNNING_MODAL"}
     for passed in (press("LEFTMOUSE", 900, 100), press("MIDDLEMOUSE"), press("WHEELUPMOUSE")):
         assert operator.modal(context, passed) == {"PASS_THROUGH"}
+    released = SimpleNamespace(type="LEFTMOUSE", value="RELEASE", mouse_x=0, mouse_y=0)
+    assert operator.modal(context, released) == {"PASS_THROUGH"}  # a slider would go on else
     playback = SimpleNamespace(type="TIMER0", value="NOTHING", mouse_x=0, mouse_y=0)
     assert operator.modal(context, playback) == {"PASS_THROUGH"}
     operator.modal(context, ESC)

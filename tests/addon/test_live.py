@@ -18,6 +18,7 @@ from shock_filter.shock_addon.data.mesh import geometry, meshes
 from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
 from shock_filter.shock_addon.data.mesh.original import Original, show
 from shock_filter.shock_addon.live import automatic
+from shock_filter.shock_addon.live import updating as live_updating
 from shock_filter.shock_addon.operators import base as operators
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
@@ -459,6 +460,7 @@ def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path, monkeypa
     monkeypatch.setattr(automatic, "_undone", -10.0)
     operand.location.x = 0.7
     bpy.context.view_layer.update()
+    assert automatic.is_coming(copy) and not automatic.due()  # before it is looked at, too
     automatic._look()
     assert automatic.due() == [copy]
     automatic.run()
@@ -496,6 +498,82 @@ def test_a_change_meanwhile_ends_an_update(joined_cubes, monkeypatch):
     bpy.context.view_layer.update()
     automatic._look()
     assert asked == ["cancel"]  # that of another copy goes on
+
+
+@pytest.mark.parametrize(("pause", "state"), [(0.0, "fresh"), (60.0, "moved")])
+def test_only_a_change_after_a_pause_is_followed_at_once(joined_cubes, monkeypatch, pause, state):
+    _, operand = joined_cubes
+    sharpen(output="LIVE")
+    copy = bpy.context.object
+    bpy.ops.shock_filter.auto_update_live()
+    monkeypatch.setattr(automatic, "_PAUSE", pause)
+    monkeypatch.setattr(automatic, "_undone", -10.0)
+    for shift in (0.1, 0.2):
+        operand.location.x = 1.0 - shift
+        bpy.context.view_layer.update()
+        automatic._look()
+    assert live.state(copy) == state
+    monkeypatch.setattr(automatic, "REST", 0.0)
+    operand.location.x = 0.5
+    bpy.context.view_layer.update()
+    automatic._look()
+    assert live.state(copy) == "fresh"
+
+
+def count_runs(monkeypatch):
+    """Return a list that gets the surfaces that runs compute."""
+    computed, run = [], operators.Task.run
+
+    def note(task, progress):
+        computed.extend(target.name for target in task.targets)
+        return run(task, progress)
+
+    monkeypatch.setattr(operators.Task, "run", note)
+    return computed
+
+
+def test_linked_duplicates_of_a_copy_follow_with_it(joined_cubes, monkeypatch):
+    _, operand = joined_cubes
+    sharpen(output="LIVE")
+    copy = bpy.context.object
+    bpy.ops.object.duplicate(linked=True)
+    twin = bpy.context.object
+    assert twin != copy and twin.data == copy.data and live_source(twin) == live_source(copy)
+    amount(twin, 0.5)
+    copy.select_set(True)
+    bpy.ops.shock_filter.auto_update_live()
+    computed = count_runs(monkeypatch)
+    for count, press in enumerate((bpy.ops.shock_filter.update_live, automatic.run), 1):
+        old = seen(copy), seen(twin)
+        operand.location.x -= 0.1
+        bpy.context.view_layer.update()
+        assert live.state(copy) == live.state(twin) == "moved"
+        automatic._refused.clear()
+        press()
+        assert len(computed) == count
+        assert live.state(copy) == live.state(twin) == "fresh" and copy.data == twin.data
+        assert [seen(copy).tobytes(), seen(twin).tobytes()] != [each.tobytes() for each in old]
+    assert (seen(copy) != seen(twin)).any()  # each with its own amount
+    assert [stacks.read_input(live_modifier(each), graph.AMOUNT) for each in (copy, twin)] == [
+        1,
+        0.5,
+    ]
+
+
+def test_objects_with_one_mesh_are_updated_by_one_run(rounded_box, select, monkeypatch):
+    box = rounded_box()
+    sharpen(output="LIVE")
+    bpy.ops.object.duplicate(linked=True)
+    twin = bpy.context.object
+    bpy.ops.object.duplicate(linked=False)
+    other = bpy.context.object
+    select(twin, box, other)
+    computed = count_runs(monkeypatch)
+    assert bpy.ops.shock_filter.update_live() == {"FINISHED"}
+    assert computed == [twin.name, other.name]
+    select(box, twin)
+    steps = [live_updating.steps_of(obj)[0] for obj in (box, twin, other)]
+    assert steps[0].does(steps[1]) and not steps[0].does(steps[2])
 
 
 @pytest.mark.parametrize("how", ["object", "collection"])

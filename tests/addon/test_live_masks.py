@@ -7,7 +7,7 @@ import pytest
 import shock_filter
 from shock_filter.shock_addon.data.image import images, mixing, stand_in
 from shock_filter.shock_addon.data.materials import live_mask, live_mix
-from shock_filter.shock_addon.operators.base import summaries
+from shock_filter.shock_addon.operators.base import Task, summaries
 from wooden import SIZE, add_image, amount, baked, node_of, tree
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
@@ -255,6 +255,29 @@ def test_shape_and_texture_are_made_again_together(wood):
     steps = shock_filter.shock_addon.live.updating.steps_of(bpy.context.object)
     assert [step.operator for step in steps] == ["sharpen_geometry", "sharpen_texture"]
     shock_filter.live.update(bpy.context.object)
+
+
+def test_objects_that_share_a_texture_compute_it_once(wood, select, monkeypatch):
+    first = bpy.context.object
+    bpy.ops.mesh.primitive_plane_add(size=2, location=(3, 0, 0))
+    other = bpy.context.object
+    other.data.materials.append(first.active_material)
+    select(first, other)
+    sharpen(output="LIVE")
+    wanted = images.read_pixels(result_of())
+    paint(wood, np.s_[:], 0.5)
+    computed, run = [], Task.run
+    monkeypatch.setattr(Task, "run", lambda *given: computed.append(1) or run(*given))
+    for pair in ((first, other), (other, first)):
+        select(*pair)
+        assert bpy.ops.shock_filter.update_live() == {"FINISHED"}
+        assert len(computed) == 1
+        computed.clear()
+    assert (images.read_pixels(result_of()) != wanted).any()
+    select(first, other)
+    bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+    assert bpy.ops.shock_filter.update_live() == {"FINISHED"}
+    assert len(computed) == 1 + 2 + 1  # the press, both shapes, the texture
 
 
 def test_a_mix_without_settings_cannot_be_made_again(wood):

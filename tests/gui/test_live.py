@@ -42,8 +42,15 @@ def test_keep_takes_what_the_field_shows_after_an_auto_update(report):
 
 def test_undo_and_redo_bring_back_each_state(report):
     seen = report["undone"]
+    assert len(seen["undo"]) == len(seen["redo"]) == 20
     assert all(seen["undo"]) and all(seen["redo"])
     assert seen["groups"] == 1
+
+
+def test_files_show_the_same_with_the_extension_and_without(report):
+    seen = report["reopened"]
+    assert seen["before"] == seen["enabled"] == seen["disabled"]
+    assert not seen["is_known"]
 
 
 def test_painting_shows_the_result(report, capsys):

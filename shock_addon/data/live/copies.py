@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -17,6 +18,8 @@ from . import coloring, movement, results, watching
 def write(target: MeshTarget, result: Any) -> bpy.types.Object:
     """Write a result of what is seen of an object into its live copy, which is added if need be.
 
+    Linked duplicates of the copy get its new mesh, too.
+
     Raises
     ------
     Skipped
@@ -25,14 +28,19 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
     obj = find(target)
     source = live_source(obj)
     if source is not None:
-        visible.write_into(target, source, result, results.write)
-        movement.add(obj, mark_sharp=True)
-        if isinstance(target.place, tuple):
-            coloring.add(obj, target.place[1])
-        watching.note_updated(obj)
+        copies = visible.write_into(target, source, result, results.write, _is_copy_of(source))
+        for each in copies:
+            movement.add(each, mark_sharp=True)
+            if isinstance(target.place, tuple):
+                coloring.add(each, target.place[1])
+            watching.note_updated(each)
         return obj
     new = visible.write_new(target, result, results.write, "live")
     if new != obj:
         new[LIVE_SOURCE] = obj
         watching.note_updated(new)
     return new
+
+
+def _is_copy_of(source: bpy.types.Object) -> Callable[[bpy.types.Object], bool]:
+    return lambda obj: obj.library is None and live_source(obj) == source

@@ -130,7 +130,8 @@ def write_into(
     source: bpy.types.Object,
     result: Any,
     write: Callable[[MeshTarget, Any], bpy.types.Object],
-) -> None:
+    takes: Callable[[bpy.types.Object], bool],
+) -> list[bpy.types.Object]:
     """Write a result of what is seen of another object into the one that was read.
 
     Its name, materials, modifiers and vertex groups of its own stay.
@@ -141,6 +142,14 @@ def write_into(
         As `write` takes them; what was read is a copy of `source` as `copied` gives it.
     source : bpy.types.Object
     write : callable
+    takes : callable
+        ``takes(other)`` says whether another object that shares the mesh of the one that was read
+        gets the new one, too.
+
+    Returns
+    -------
+    list of bpy.types.Object
+        All that have the new mesh, first the one that was read.
 
     Raises
     ------
@@ -149,6 +158,8 @@ def write_into(
     """
     obj = find(target)
     new, old = _copy(source), obj.data
+    others = [each for each in bpy.data.objects if each.data == old and each != obj]
+    users = [obj, *filter(takes, others)]
     carry(old, new)
     mesh = new.data
     try:
@@ -156,7 +167,9 @@ def write_into(
         mesh.materials.clear()
         for material in old.materials:
             mesh.materials.append(material)
-        obj.data, name = mesh, old.name
+        name = old.name
+        for user in users:
+            user.data = mesh
     except BaseException:
         _remove(new)
         raise
@@ -164,6 +177,7 @@ def write_into(
     if not old.users:
         bpy.data.meshes.remove(old)
         mesh.name = name
+    return users
 
 
 def _contents(mesh: bpy.types.Mesh) -> dict[str, Any]:

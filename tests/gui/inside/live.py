@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Live results: a copy that follows its source, undo and redo, painting where it is seen."""
+"""Live results: a copy that follows its source, painting where, undo and redo, opening again."""
 
 import time
 
@@ -45,6 +45,7 @@ def scenario() -> Steps:
     yield from follow(operand.name)
     yield from paint()
     yield from undo_and_redo()
+    yield from reopen()
 
 
 def add_stack() -> bpy.types.Object:
@@ -193,6 +194,22 @@ def undo_and_redo() -> Steps:
                 if found["positions"] == state["positions"]:
                     break
             seen[operator].append(found is not None and found["positions"] == state["positions"])
+
+
+def reopen() -> Steps:
+    """Save the file, and open it with the extension and with it disabled."""
+    seen = report["reopened"] = {}
+    name, path = report["made"]["name"], str(PICTURES / "live.blend")
+    seen["before"] = seen_state(name)
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    for step in ("enabled", "disabled"):
+        if step == "disabled":
+            bpy.ops.preferences.addon_disable(module=MODULE)
+            yield DRAWN
+        bpy.ops.wm.open_mainfile(filepath=path)
+        yield DRAWN
+        seen[step] = seen_state(name)
+    seen["is_known"] = hasattr(bpy.types, "SHOCK_FILTER_OT_update_live")
 
 
 def paint() -> Steps:
