@@ -77,6 +77,8 @@ class Target(Row):
     first : tuple of str or None
         Settings that are shown at first, all others under Advanced. None for what the settings
         say themselves.
+    advice : str
+        What helps where nothing has changed, if it is not the mode's.
     """
 
     filter: str
@@ -88,6 +90,7 @@ class Target(Row):
     defaults: Mapping[str, Any] = {}
     dials: tuple[str, str] | None = None
     first: tuple[str, ...] | None = None
+    advice: str = ""
 
     def is_advanced(self, name: str) -> bool:
         """Whether a property of its settings is shown under Advanced."""
@@ -329,6 +332,8 @@ MODES: list[Mode] = [
                 "Geometry",
                 "Move vertices so that the surface becomes smooth between its creases",
                 dials=("strength", "bump_size"),
+                advice="For more noise raise Bump Size; with Beltrami raise Time or lower Keep"
+                " Edges.",
             ),
             Target(
                 "beltrami_vertex_signal",
@@ -351,8 +356,7 @@ MODES: list[Mode] = [
         "denoising",
         second="beta",
         announced="Will denoise: {}",
-        advice="for more noise raise Bump Size; for colors and with Beltrami raise Time or lower"
-        " Keep Edges",
+        advice="to take more away raise Time or lower Keep Edges",
         icon="SMOOTHCURVE",
         presets=(
             Preset(

@@ -18,6 +18,11 @@ from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
 
+_SLIVER = 1e-6
+"""Faces whose area is at most so much of their longest side squared have none: vertices are kept
+with 24 bits.
+"""
+
 MOST_FACES = 4000
 """Most faces that a geodesic crosses. It would cross more only where texels are far larger than
 faces: around a hub. Then it ends early, within the few texels of its length.
@@ -80,7 +85,8 @@ class AtlasMetric(NamedTuple):
 
 def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasMetric:
     """Measure the faces, whose corners lie at `points` in the sheet."""
-    seen = ~degenerate_faces(charts)
+    areas = np.where(_slivers(mesh), 0.0, mesh.areas)
+    seen = ~degenerate_faces(charts) & (areas > 0)
     area = mesh.areas[seen].sum()
     if not area > 0:
         raise InvalidUV(
@@ -98,9 +104,17 @@ def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasM
         np.full((count, 2), np.exp(-1.0), dtype=np.float32),
         size * mesh.mean_edge_length,
     )
-    run(_measure, count, mesh.scaled_vertices, mesh.faces, mesh.areas, seen, points, 1.0 / size,
+    run(_measure, count, mesh.scaled_vertices, mesh.faces, areas, seen, points, 1.0 / size,
         metric)  # fmt: skip
     return metric
+
+
+def _slivers(mesh: TriangleMesh) -> npt.NDArray[np.bool_]:
+    # Faces whose corners lie on a line but for rounding, as where polygons have points on straight
+    # borders: what was measured of them would be noise, and weigh more than all others.
+    corners = mesh.scaled_vertices[mesh.faces]
+    squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2)
+    return mesh.areas <= _SLIVER * squares.max(axis=1)
 
 
 @kernel

@@ -171,6 +171,8 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     everywhere = np.zeros(mesh.face_count, dtype=np.float32)
     everywhere[found.rows] = sided
     radii = _radii(mesh, found, crest, shares)
+    if settings.widest_fillet > 0:  # what is measured of few vertices may come out wider
+        radii = tuple(min(radius, settings.widest_fillet) for radius in radii)
     return Creases(normals, shares, everywhere, *radii, too_wide)
 
 

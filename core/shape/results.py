@@ -87,7 +87,7 @@ def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
             size=size,
         )
     if others > 0:
-        tell("Places that no faces of this size fit better, and that stay: {count}.", count=others)
+        tell("Places that stay, as no faces of this size fit them better: {count}.", count=others)
 
 
 def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:

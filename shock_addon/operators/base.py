@@ -201,7 +201,8 @@ class FilterOperator(ModalJob):
         settings = describe(self.row.target(self).row.settings).keys()
         words = [{name for name, value in each.values.items() if isinstance(value, str)}
                  for _, each in self._findings]  # fmt: skip
-        return self.row.advice if all(each & settings for each in words) else ""
+        advice = self.row.target(self).advice or self.row.advice
+        return advice if all(each & settings for each in words) else ""
 
     def notes(self, written: list[Written]) -> str:
         """Return remarks on data that was not changed although it affects the appearance."""

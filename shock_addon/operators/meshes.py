@@ -128,10 +128,11 @@ class MeshOperator(FilterOperator):
         kind = self.kind
         text, advice = pgettext_rpt("{done} {meshes}: {changes}, {seconds:.1f} s."), ""
         if not kind.paints:
-            advice = "" if self.row.nothing else self.row.advice
-            changes = describe_moves(results, advice, self._edge_length(written))
-            advice = ""
-            if self.row.nothing and not any(result.moved for result in results):
+            changes = describe_moves(results, self._edge_length(written))
+            has_moved = any(result.moved for result in results)
+            if not self.row.nothing and not has_moved:
+                advice = self.advice and pgettext_rpt(self.advice)
+            elif not has_moved:
                 has_modifiers = any(
                     _other_modifiers(each.data) and not each.target.is_seen for each in written
                 )
@@ -139,7 +140,8 @@ class MeshOperator(FilterOperator):
                 text = pgettext_rpt(self.row.nothing)
                 advice = advice and pgettext_rpt(advice)
                 marked = sum(data.mesh.shading.count_marks(each.data.data) for each in written)
-                if self.mark_sharp and marked:
+                is_noted = any(map(_hides_marks, _noted(written, self)))
+                if self.mark_sharp and marked and not is_noted:
                     marks = pgettext_rpt("Edges marked as sharp: {count:,}.").format(count=marked)
                     advice = f"{marks} {advice}".rstrip()
         elif not kind.moves:
@@ -149,7 +151,7 @@ class MeshOperator(FilterOperator):
             meshes = counted(len(written), "1 mesh and its colors", "{:,} meshes and their colors")
             paints = [result.paint for result in results]
             shapes = [result.shape for result in results]
-            moves = describe_moves(shapes, self.row.advice, self._edge_length(written))
+            moves = describe_moves(shapes, self._edge_length(written))
             changes = f"{moves}; {describe_colors(paints, 'colors', self.advice)}"
         said = text.format(done=self.done(), meshes=meshes, changes=changes, seconds=seconds)
         return f"{said} {advice}".rstrip()
@@ -180,16 +182,10 @@ class MeshOperator(FilterOperator):
 
 
 def _notes_of_objects(written: list[Written], operator: MeshOperator) -> str:
-    new = [each.data for each in written if each.data.session_uid != each.target.object_uid]
-    same = [
-        each.data
-        for each in written
-        if each.target.is_seen
-        and each.data not in new
-        and not obstacles.makes_live(operator.row, operator, each.data)
-    ]
-    said = notes([each.data for each in written if each.data not in same], operator)
-    if same and not new:
+    new = _new(written)
+    noted = _noted(written, operator)
+    said = notes(noted, operator)
+    if len(noted) < len(written) and not new:
         text = pgettext_rpt("Nothing has changed, so no new object was made.")
         return f"{text} {said}".rstrip()
     if not new:
@@ -199,6 +195,22 @@ def _notes_of_objects(written: list[Written], operator: MeshOperator) -> str:
     return f"{made} {hidden_originals(len(new))} {said}".rstrip()
 
 
+def _new(written: list[Written]) -> list[bpy.types.Object]:
+    return [each.data for each in written if each.data.session_uid != each.target.object_uid]
+
+
+def _noted(written: list[Written], operator: MeshOperator) -> list[bpy.types.Object]:
+    # All but those that stay what they were because nothing of what is seen has changed.
+    new = _new(written)
+    return [
+        each.data
+        for each in written
+        if not each.target.is_seen
+        or each.data in new
+        or obstacles.makes_live(operator.row, operator, each.data)
+    ]
+
+
 def hidden_originals(count: int) -> str:
     """Say that what new objects were made of is hidden."""
     if count == 1:
@@ -206,19 +218,24 @@ def hidden_originals(count: int) -> str:
     return pgettext_rpt("The originals are hidden.")
 
 
-def describe_moves(results: list[Any], advice: str, edge: float) -> str:
-    """Return how many vertices moved visibly and how far, with advice if none did.
+def describe_moves(results: list[Any], edge: float) -> str:
+    """Return how many vertices moved visibly and how far.
 
     `edge` is the mean edge length in the scene of the one that moved farthest.
     """
     moved = sum(result.moved for result in results)
     farthest = max(results, key=lambda result: result.largest_move * result.edge_length)
-    text = pgettext_rpt("{vertices:,} vertices, moved {moved:,}, largest move {largest}").format(
+    if moved:
+        text = pgettext_rpt("{vertices:,} vertices, moved {moved:,}, largest move {largest}")
+    elif farthest.largest_move > 0:
+        text = pgettext_rpt("{vertices:,} vertices, none moved visibly, largest move {largest}")
+    else:
+        text = pgettext_rpt("{vertices:,} vertices, none moved")
+    return text.format(
         vertices=sum(len(result.positions) for result in results),
         moved=moved,
         largest=data.lengths.in_both(farthest.largest_move, edge),
     )
-    return text if moved or not advice else f"{text} ({pgettext_rpt(advice)})"
 
 
 def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
@@ -243,12 +260,12 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
                 " wrong."
             )
         )
-    hidden = sum(_hidden_marks(obj.data) for obj in objects) if parameters.mark_sharp else 0
-    if hidden:
+    if parameters.mark_sharp and any(map(_hides_marks, objects)):
         text = pgettext_rpt(
             "Edges marked as sharp: {count:,}; that shows on smooth faces only, use Shade Smooth."
         )
-        found.append(text.format(count=hidden))
+        marked = sum(data.mesh.shading.count_marks(obj.data) for obj in objects)
+        found.append(text.format(count=marked))
     for obj in objects if parameters.output in {"MESH", "AUTO"} else []:
         key = obj.active_shape_key
         if key is not None and key.value == 0.0 and not _shows_key(obj, key):
@@ -265,9 +282,9 @@ def _other_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
     return [each for each in obj.modifiers if each not in live]
 
 
-def _hidden_marks(mesh: bpy.types.Mesh) -> int:
-    # How many edges are marked as sharp, if it is shaded flat.
-    return data.mesh.shading.count_marks(mesh) if data.mesh.shading.is_flat(mesh) else 0
+def _hides_marks(obj: bpy.types.Object) -> bool:
+    # Whether it has edges that are marked as sharp, and is shaded flat.
+    return data.mesh.shading.is_flat(obj.data) and data.mesh.shading.count_marks(obj.data) > 0
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:

@@ -69,7 +69,7 @@ def draw_maps(panel: Panel, context: bpy.types.Context) -> None:
     settings = panel.settings(context)
     obstacle = obstacles.of_unwrapped(context)
     layout = panel.layout
-    layout.use_property_split = True
+    layout.use_property_split, layout.use_property_decorate = True, False
     layout.prop(settings, "image_size")
     if jobs.current() is not None:
         _draw_progress(layout.column())

@@ -125,8 +125,21 @@ def test_a_strength_or_time_of_zero_changes_no_bit(noisy_cube):
 def test_a_run_that_moves_nothing_says_what_to_raise(noisy_cube, capfd):
     noisy_cube()
     denoise(strength=0.0)
-    assert "moved 0, " in (said := capfd.readouterr().out)
-    assert "(for more noise raise Bump Size; for colors and with Beltrami raise Time" in said
+    said = capfd.readouterr().out
+    assert " vertices, none moved, " in said  # not at all: no length stands beside it
+    assert said.strip().endswith("Beltrami raise Time or lower Keep Edges.")
+    denoise(strength=1e-3)
+    said = capfd.readouterr().out
+    assert " vertices, none moved visibly, largest move " in said
+    assert "For more noise raise Bump Size; with Beltrami raise Time" in said
+
+
+def test_advice_for_colors_names_their_settings_only(noisy_cube, capfd):
+    noisy_cube()
+    denoise(target="colors", color_time=0.0)
+    said = capfd.readouterr().out
+    assert "(to take more away raise Time or lower Keep Edges)" in said
+    assert "Bump Size" not in said
 
 
 def test_sharpening_follows_at_creases(noisy_cube):

@@ -94,3 +94,21 @@ def test_blocks_go_and_clean_images_stay():
         for name in ("Blocks", "Blocks cleaned")
     )
     assert 0 < after < before
+
+
+def test_polygons_with_points_on_straight_borders_are_repaired():
+    """They are cut into faces that have no area but for rounding, which count for nothing."""
+    bpy.ops.mesh.primitive_cylinder_add(vertices=48, radius=0.7, depth=1.8)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.subdivide(number_cuts=5)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for vertex in bpy.context.object.data.vertices:
+        vertex.co.xy *= 1 + 0.25 * np.cos(1.4 * vertex.co.z)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.uv.smart_project(island_margin=0.02)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    y, x = np.mgrid[:256, :256] / 256.0
+    waves = [0.5 + 0.3 * np.sin(20.0 * x + 13.0 * y + k) for k in range(3)]
+    add_image("Waves", np.stack([*waves, np.ones_like(x)], axis=2))
+    assert filters.repair_texture(image="Waves") == {"FINISHED"}

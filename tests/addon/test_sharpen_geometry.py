@@ -61,7 +61,7 @@ def test_time_zero_changes_no_bit(rounded_box):
     write_positions(box.data, before)
     assert sharpen(time=0.0) == {"FINISHED"}
     assert read_positions(box.data).tobytes() == before.tobytes()
-    assert "moved 0" in operators.summaries["geometry"]
+    assert "none moved" in operators.summaries["geometry"]
 
 
 def test_steady_state_is_the_infinite_time(rounded_box):
@@ -254,9 +254,25 @@ def test_a_mesh_may_have_nothing_to_sharpen(shape, vertices, words):
     add(subdivisions=4) if shape == "ico_sphere" else add()
     assert sharpen() == {"FINISHED"}
     said = operators.summaries["geometry"]
-    assert said.startswith(f"Found nothing to sharpen in 1 mesh: {vertices} vertices, moved 0, ")
+    assert said.startswith(f"Found nothing to sharpen in 1 mesh: {vertices} vertices, none moved, ")
     assert words in said
     assert "raise Time" not in said  # which changes nothing where there are no creases
+
+
+def test_marks_are_counted_once_in_a_report():
+    bpy.ops.mesh.primitive_cube_add()
+    smooth = bpy.context.object
+    smooth.data.shade_smooth()
+    bpy.ops.mesh.primitive_cube_add(location=(4.0, 0.0, 0.0))
+    assert sharpen() == {"FINISHED"}  # the flat one
+    said = operators.summaries["geometry"]
+    assert said.count("Edges marked as sharp") == 1
+    assert "Edges marked as sharp: 12; that shows on smooth faces only" in said
+    smooth.select_set(True)
+    assert sharpen() == {"FINISHED"}
+    said = operators.summaries["geometry"]
+    assert said.count("Edges marked as sharp") == 1
+    assert "Edges marked as sharp: 24; that shows on smooth faces only" in said
 
 
 def test_what_modifiers_make_is_not_sharpened_in_the_mesh_and_the_panel_says_so():

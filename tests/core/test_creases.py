@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sharpening of creases only: parts out of a remesh, and what must stay as it is."""
 
+import re
+
 import numpy as np
 import pytest
 from remeshed import surface_net, turned_box
@@ -457,6 +459,13 @@ def test_threads_close_from_the_radius_that_is_said():
     kept = core.GeometrySettings(widest_fillet=1.0)
     assert (core.sharpen_geometry(mesh, kept) == mesh.vertices).all()
     assert said(mesh, widest_fillet=1.0).endswith("more widely than Widest Fillet, and stay.")
+
+
+def test_no_rounding_is_said_to_have_closed_that_is_wider_than_widest_fillet(box):
+    mesh, _ = box
+    for widest in (0.5, 1.0, 2.0):
+        (told,) = re.findall(r"a radius of up to (\S+) edge", said(mesh, widest_fillet=widest))
+        assert float(told) <= widest
 
 
 def test_the_shipped_networks_belong_to_the_code_and_give_the_same_everywhere(box):

@@ -95,8 +95,8 @@ def test_places_that_do_not_come_nearer_go_back_and_are_told():
     assert abs(kept).max() < 0.1 * abs(moved).max()
     with gathering() as found:
         tell_lost(mesh, lost)
-    assert [str(f) for f in found] == ["Places that no faces of this size fit better, and that"
-                                       " stay: 1."]  # fmt: skip
+    assert [str(f) for f in found] == ["Places that stay, as no faces of this size fit them"
+                                       " better: 1."]  # fmt: skip
 
 
 def test_what_comes_nearer_keeps_every_bit(box):

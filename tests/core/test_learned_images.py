@@ -400,6 +400,15 @@ def test_what_was_done_is_told():
         assert str(found[0]).startswith(words)
 
 
+def test_the_way_to_close_borders_that_hardly_got_narrower_is_told():
+    before = Borders(width=4.4, number=100, detail=1.0)
+    with gathering() as found:
+        tell_learned("edge lengths", before, Borders(width=3.9, number=90, detail=1.5))
+    assert str(found[0]) == (
+        "Borders stay 3.9 edge lengths wide; in flat colors, What: Drawing closes them."
+    )
+
+
 def test_the_way_to_close_wide_borders_is_told():
     before = Borders(width=16.0, number=100, detail=1.0)
     advice = "pixels wide; in flat colors, What: Drawing closes them."

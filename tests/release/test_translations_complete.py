@@ -190,6 +190,7 @@ def texts_of_modes():
         yield from (job.label, job.about, job.does)
     for mode in MODES:
         yield mode.part
+        yield from (target.advice for target in mode.targets)
         yield from (mode.title, mode.done, mode.advice, mode.nothing, mode.changes, mode.announced)
         if mode.follows is not None:
             yield from (f"{mode.title}, then Sharpen", f"{mode.done} and sharpened")

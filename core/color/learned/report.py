@@ -13,6 +13,9 @@ _NARROWER = 0.95
 _WIDE = 8.0
 """Networks have seen few borders that are wider; such ones may stay."""
 
+_SOFT, _HARDLY_NARROWER = 4.0, 0.85
+"""Wider borders that keep so much of their width still look blurred."""
+
 
 def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
     """Report what sharpening did.
@@ -25,7 +28,9 @@ def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
         Measurements of an image and of its result; None if the result is the same.
     """
     width = before.width if before.number else 0.0
-    if width > _WIDE and (after is None or after.width > 0.5 * width):
+    share = after.width / width if width and after is not None else 0.0
+    is_soft = width > _SOFT and _HARDLY_NARROWER < share < _NARROWER
+    if is_soft or (width > _WIDE and (after is None or share > 0.5)):
         text = f"Borders stay {{width:.1f}} {unit} wide; in flat colors, What: Drawing closes them."
         tell(text, width=width if after is None else after.width)
     elif after is None:
