@@ -12,6 +12,7 @@ from ..errors import InvalidSignal
 from ..mesh.triangle_mesh import Ints
 from ..settings import FillSettings
 from ..sparse.components import connected_components
+from .blocks import compression_of
 
 Bools = npt.NDArray[np.bool_]
 
@@ -91,7 +92,11 @@ def _found(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int, find: str) -> B
             return clear
     if find == "opacity":  # and there is none
         return np.zeros(pixels.shape[:2], dtype=np.bool_)
-    return unseen_texels(atlas, pixels, alpha)
+    found = unseen_texels(atlas, pixels, alpha)
+    further = unseen_in_compressed(atlas, pixels, alpha) & ~found
+    if further.any() and compression_of(pixels) is not None:
+        found |= further
+    return found
 
 
 def _of_color(pixels: npt.NDArray, color: npt.NDArray, alpha: int) -> Bools:

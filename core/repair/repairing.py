@@ -37,7 +37,7 @@ from ..texture.textures_by_width import nodes_inside
 from .blocks import remove_blocks
 from .enlarging import enlarge_texture
 from .filling import fill_texture
-from .missing import missing_texels, unseen_in_compressed
+from .missing import missing_texels
 from .noticeable import against_contrast, among_small, beside_detail, beside_seams
 
 _Bools = npt.NDArray[np.bool_]
@@ -235,7 +235,7 @@ def _repaired(
             clean = remove_blocks(image, BlockSettings(strength=settings.blocks))
         unblocked = bool((clean != image).any())
     with phase(0.15, 0.3, "Smoothing"):
-        weights = _missing(surface, image, clean, settings, missing, within)
+        weights = _missing(surface, image, settings, missing, within)
         clean = _without_noise(surface, clean, settings, weights)
     with phase(0.3, 0.6, "Filling"):
         if (weights > 0).any():
@@ -253,12 +253,11 @@ def _repaired(
 def _missing(
     surface: _Surface,
     image: npt.NDArray,
-    clean: npt.NDArray,
     settings: RepairSettings,
     missing: npt.NDArray | None,
     within: _Bools | None,
 ) -> npt.NDArray[np.float64]:
-    # How far each texel is missing: where either the image says so, or what is left of it.
+    # How far each texel is missing.
     if missing is not None:
         return np.asarray(missing, dtype=np.float64)
     if settings.fill == "nothing" or (within is not None and not within.any()):
@@ -272,8 +271,6 @@ def _missing(
     pixels = image.reshape(*image.shape[:2], -1)
     inside = surface.atlas.inside
     found = missing_texels(surface.atlas, pixels, alpha, None, how) * inside
-    if settings.fill != "opacity" and (clean != image).any():
-        found = np.maximum(found, unseen_in_compressed(surface.atlas, pixels, alpha) * inside)
     if settings.fill == "unseen" and alpha >= 0:  # what is cut out has no color
         found = found * (pixels[..., alpha] > 0)
     if found[inside].all():  # black is meant, or nobody knows better
