@@ -172,7 +172,7 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     everywhere[found.rows] = sided
     radii = _radii(mesh, found, crest, shares)
     if settings.widest_fillet > 0:  # what is measured of few vertices may come out wider
-        radii = tuple(min(radius, settings.widest_fillet) for radius in radii)
+        radii = min(radii[0], settings.widest_fillet), min(radii[1], settings.widest_fillet)
     return Creases(normals, shares, everywhere, *radii, too_wide)
 
 
