@@ -14,6 +14,10 @@ from ..settings import TileSettings, given_or_default
 _LEAST = 4
 """Least pixels along an axis whose sides are joined."""
 
+_USUAL, _OFTEN = 0.95, 0.9
+"""The share of an image's steps that are smaller than those that a joint may have, and the share of
+that size: steep borders beside a joint make no steeper joint."""
+
 _EVEN = 0.85
 """Share of the arithmetic mean in the slope at the joint; the rest is harmonic."""
 
@@ -59,9 +63,10 @@ def make_tileable(
     Notes
     -----
     For each axis that is joined, the step at the joint, beyond a mean of the slopes on both sides,
-    is taken by halves from both. The change u solves ``(1 / radius^2 - lap)^2 u = 0``
-    inside, with slope 0 at the joint; it is the gradient-domain blending of Perez, Gangnet and
-    Blake (2003) with a thin plate in place of the membrane. Fourier transforms along the joint
+    is taken by halves from both; that mean is at most as steep as the image usually is. The change
+    u solves ``(1 / radius^2 - lap)^2 u = 0`` inside, with slope 0 at the joint; it is the
+    gradient-domain blending of Perez, Gangnet and Blake (2003) with a thin plate in place of the
+    membrane. Fourier transforms along the joint
     solve it. Sides that are not joined are mirrored.
 
     Examples
@@ -127,7 +132,9 @@ class _Joint:
     def change(self, image: Floats) -> Floats:
         lines = np.moveaxis(image, self._axis, 1)
         first, last = lines[:, 0], lines[:, -1]
-        step = first - last - _slope(lines[:, 1] - first, last - lines[:, -2])
+        most = _OFTEN * np.quantile(np.abs(np.diff(lines, axis=1)), _USUAL)
+        slope = _slope(lines[:, 1] - first, last - lines[:, -2])
+        step = first - last - np.clip(slope, -most, most)
         if self._mirrored:
             step = np.concatenate([step, step[::-1]])
         waves = np.fft.rfft(step)[:, None] * self._factors
