@@ -76,7 +76,7 @@ def make_tileable(
     >>> ramp = np.tile(np.linspace(0.0, 1.0, 64), (64, 1))
     >>> tile = core.make_tileable(ramp)
     >>> [round(float(abs(each[32, 0] - each[32, -1])), 2) for each in (ramp, tile)]
-    [1.0, 0.02]
+    [1.0, 0.01]
     """
     given = checked_image(image, LARGEST)
     settings = given_or_default(settings, TileSettings)
@@ -133,8 +133,9 @@ class _Joint:
         lines = np.moveaxis(image, self._axis, 1)
         first, last = lines[:, 0], lines[:, -1]
         most = _OFTEN * np.quantile(np.abs(np.diff(lines, axis=1)), _USUAL)
-        slope = _slope(lines[:, 1] - first, last - lines[:, -2])
-        step = first - last - np.clip(slope, -most, most)
+        steep = _slope(lines[:, 1] - first, last - lines[:, -2])
+        slope: Floats = np.clip(steep, -most, most)
+        step = first - last - slope
         if self._mirrored:
             step = np.concatenate([step, step[::-1]])
         waves = np.fft.rfft(step)[:, None] * self._factors
