@@ -151,7 +151,7 @@ def find_reads(sheet: Sheet, sources: GhostSources) -> GhostReads:
             chained = np.zeros(len(known), dtype=np.bool_)
             run(_find_chained, len(chained), sheet.nodes, sources.cells, chained)
             which = np.flatnonzero(chained).astype(np.int32)
-    rounds = np.cumsum([0, *(len(each[0]) for each in found)])
+    rounds = np.cumsum([0, *(len(each[0]) for each in found)], dtype=np.int64)
     ghosts, corners, weights, totals = map(np.concatenate, zip(*found, strict=True))
     return GhostReads(ghosts, corners, weights, totals, rounds)
 
