@@ -297,10 +297,11 @@ def _carry(
     key,
 ):  # fmt: skip
     # Loops over each row: the first reads the sources of its cells, and the compiler vectorizes the
-    # others.
+    # others, which have 32 bits throughout.
     columns = right.shape[1]
-    found = np.empty(columns, dtype=np.uint8)
-    one = np.float32(1)
+    found = np.empty(columns, dtype=np.int32)
+    one, first = np.float32(1), np.int32(1)
+    bit, none, two = np.uint32(1), np.uint32(0), np.uint32(2)
     for i in range(start, stop):
         for j in range(columns):
             found[j] = quads[places[i, j]]
@@ -308,8 +309,9 @@ def _carry(
             quad = found[j]
             x = one - (right[i, j] - np.floor(right[i, j]))
             y = one - (down[i, j] - np.floor(down[i, j]))
-            a, b = np.float32(quad & 1), np.float32((quad >> 1) & 1)
-            c, d = np.float32((quad >> 2) & 1), np.float32((quad >> 3) & 1)
+            a, b = np.float32(quad & first), np.float32((quad >> first) & first)
+            c = np.float32((quad >> np.int32(2)) & first)
+            d = np.float32((quad >> np.int32(3)) & first)
             upper = a + x * (b - a)
             lower = c + x * (d - c)
             shown = upper + y * (lower - upper)
@@ -319,10 +321,10 @@ def _carry(
             x = right[i, j] - np.floor(right[i, j])
             y = down[i, j] - np.floor(down[i, j])
             # The step is a cell longer in a share of the frames that is its fraction.
-            shorter_x, shorter_y = np.uint8(x + turn_x < one), np.uint8(y + turn_y < one)
-            carried = (found[j] >> (shorter_x + 2 * shorter_y)) & 1
-            changes = (random_bits(keys, j) & np.uint32(0xFFFF)) < rates[i, j]
-            new[i + rim, j + rim] = carried ^ np.uint8(changes)
+            shift = (bit if x + turn_x < one else none) | (two if y + turn_y < one else none)
+            share = random_bits(keys, np.uint32(j)) & np.uint32(0xFFFF)
+            changes = bit if share < np.uint32(rates[i, j]) else none
+            new[i + rim, j + rim] = np.uint8(((np.uint32(found[j]) >> shift) ^ changes) & bit)
 
 
 @kernel

@@ -18,6 +18,9 @@ _USUAL, _OFTEN = 0.95, 0.9
 """The share of an image's steps that are smaller than those that a joint may have, and the share of
 that size: steep borders beside a joint make no steeper joint."""
 
+_BEND_RADIUS, _BEND_ENDS = 2.0, 24
+"""How far changes of the slope at a joint reach, and where they end, in pixels."""
+
 _EVEN = 0.85
 """Share of the arithmetic mean in the slope at the joint; the rest is harmonic."""
 
@@ -66,8 +69,9 @@ def make_tileable(
     is taken by halves from both; that mean is at most as steep as the image usually is. The change
     u solves ``(1 / radius^2 - lap)^2 u = 0`` inside, with slope 0 at the joint; it is the
     gradient-domain blending of Perez, Gangnet and Blake (2003) with a thin plate in place of the
-    membrane. Fourier transforms along the joint
-    solve it. Sides that are not joined are mirrored.
+    membrane. Where the slope would change more at the joint than it usually does inside, the sides
+    turn, by another solution of that equation: 0 at the joint, with a radius of two pixels. Fourier
+    transforms along the joint solve both. Sides that are not joined are mirrored.
 
     Examples
     --------
@@ -121,6 +125,7 @@ class _Joint:
         self._axis = axis
         count, along = shape[axis], shape[1 - axis]
         self._mirrored = 1 - axis not in joined
+        self._along = along
         self._length = 2 * along if self._mirrored else along
         waves = 2.0 * np.sin(np.pi * np.fft.rfftfreq(self._length))
         rates = np.sqrt(waves**2 + radius**-2.0)[:, None]
@@ -128,19 +133,37 @@ class _Joint:
         falling = (1.0 + away) * np.exp(-away)
         shape_of_change = falling[:, ::-1] - falling
         self._factors = 0.5 * shape_of_change / shape_of_change[:, -1:]
+        away = np.arange(min(count // 2, _BEND_ENDS))
+        self._bends = away * np.exp((1 - away) * np.sqrt(waves**2 + _BEND_RADIUS**-2.0)[:, None])
 
     def change(self, image: Floats) -> Floats:
         lines = np.moveaxis(image, self._axis, 1)
         first, last = lines[:, 0], lines[:, -1]
-        most = _OFTEN * np.quantile(np.abs(np.diff(lines, axis=1)), _USUAL)
-        steep = _slope(lines[:, 1] - first, last - lines[:, -2])
-        slope: Floats = np.clip(steep, -most, most)
-        step = first - last - slope
-        if self._mirrored:
-            step = np.concatenate([step, step[::-1]])
-        waves = np.fft.rfft(step)[:, None] * self._factors
-        found = np.fft.irfft(waves, self._length, axis=0)[: len(lines)]
+        after, before = lines[:, 1] - first, last - lines[:, -2]
+        steps = np.diff(lines, axis=1)
+        slope = _usual(_slope(after, before), steps)
+        found = self._spread(first - last - slope, self._factors)
+        bends = np.diff(steps, axis=1)
+        reach = self._bends.shape[1]
+        found[:, :reach] += self._spread(slope + _usual(after - slope, bends) - after, self._bends)
+        turned = self._spread(before - slope + _usual(slope - before, bends), self._bends)
+        found[:, -reach:] += turned[:, ::-1]
         return np.moveaxis(found, 1, self._axis)
+
+    def _spread(self, values: Floats, factors: Floats) -> Floats:
+        # The change that has these values along the joint, wave by wave.
+        if self._mirrored:
+            values = np.concatenate([values, values[::-1]])
+        waves = np.fft.rfft(values)[:, None] * factors
+        found: Floats = np.fft.irfft(waves, self._length, axis=0)
+        return found[: self._along]
+
+
+def _usual(values: Floats, inside: Floats) -> Floats:
+    # Limit values to what is usual inside.
+    most = _OFTEN * np.quantile(np.abs(inside), _USUAL)
+    found: Floats = np.clip(values, -most, most)
+    return found
 
 
 def _slope(one: Floats, other: Floats) -> Floats:
