@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import base64
+import contextlib
 import hashlib
 import json
 import os
@@ -91,7 +92,7 @@ def _run(script: str, *words: str) -> None:
     # The package takes its name from a folder, and the root may be called anything.
     link = PLACE / "package" / "shock_filter"
     link.parent.mkdir(parents=True, exist_ok=True)
-    if not link.is_symlink():
+    with contextlib.suppress(FileExistsError):  # two harvests may come here at once
         link.symlink_to(ROOT, target_is_directory=True)
     paths = [str(link.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
     # Without a fixed seed, numba writes its modules in another order each time.
