@@ -9,8 +9,9 @@ import numpy.typing as npt
 from ..base.parallel import run
 from ..base.progress import ask
 from ..grid.windows import gaussian, least_and_greatest, smooth
+from ..texture.roughness import roughness
 from ..texture.texels import Texture
-from .smoothest import FAINT, roughness
+from .smoothest import FAINT
 
 Singles = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]

@@ -26,6 +26,8 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import StitchSettings, given_or_default
 from .light import share_of_factors
 from .normal_maps import checked_normals
+from .roughness import roughness_of_values
+from .seam_steps import clear_steps
 from .texels import (
     Texture,
     check_content,
@@ -55,7 +57,7 @@ _HELD = 1e6
 class _Source(NamedTuple):
     # One picture, and its confidence.
     values: _Single  # (rows, columns, c) at nodes and ghosts
-    corners: Floats  # (v, c) at the corners of the pieces, as their own chart shows them
+    corners: Floats  # (v, c) at the corners of the pieces, by their own chart, with clear steps
     confidence: _Single  # (n,) at nodes
 
 
@@ -128,10 +130,11 @@ def stitch_textures(
     side of an image has the values of its own chart, extrapolated linearly. For equal images, the
     result differs from them by rounding.
 
-    Not in the paper: images that differ by factors, as in another light, are stitched as
-    logarithms, where factors are steps. How far they differ so is seen at seams, and where two
-    images are known: by whether one factor or one offset leaves less there. Where both leave about
-    as much, both results are mixed.
+    Not in the paper: of a step at a seam counts what stands out from the detail beside it (see
+    `texture.seam_steps`), so that fine textures without steps hardly change. And images that differ
+    by factors, as in another light, are stitched as logarithms, where factors are steps. How far
+    they differ so is seen at seams, and where two images are known: by whether one factor or one
+    offset leaves less there. Where both leave about as much, both results are mixed.
 
     Examples
     --------
@@ -334,7 +337,9 @@ def _source(
     confidence[: len(known)] = known
     believed = (atlas.sheet.nodes >= 0) & (known.reshape(atlas.sheet.nodes.shape) > 0)
     ghosts = extend_ghosts(atlas.sheet, atlas.charts.labels, values, believed)
-    return _Source(values, corner_values(space, values, ghosts), confidence)
+    rough = roughness_of_values(atlas, values, believed, across=False)
+    corners = clear_steps(space, corner_values(space, values, ghosts), rough)
+    return _Source(values, corners, confidence)
 
 
 def _least_known(space: TextureSpace, source: _Source, labels: npt.ArrayLike | None) -> CellWeights:

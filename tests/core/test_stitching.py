@@ -379,3 +379,48 @@ def test_values_below_zero_take_differences():
         for by in ("brightness", "difference")
     ]
     assert (results[0] == results[1]).all()
+
+
+def fine(n, length=6.0):
+    """Waves of a few texels in many directions."""
+    rng = np.random.default_rng(5)
+    y, x = np.mgrid[:n, :n]
+    total = np.zeros((n, n, 3))
+    for _ in range(12):
+        angle = rng.uniform(0, 2 * np.pi)
+        rate = 2 * np.pi / (length * rng.uniform(0.8, 1.3))
+        along = rate * (np.cos(angle) * x + np.sin(angle) * y)
+        total += np.sin(along[..., None] + rng.uniform(0, 2 * np.pi, 3))
+    return (0.5 + 0.05 * total).astype(np.float32)
+
+
+def of_fine_square():
+    blocks = Blocks(fine(96), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    return blocks, mesh, blocks.texture()
+
+
+def test_a_fine_texture_without_steps_hardly_changes():
+    blocks, mesh, image = of_fine_square()
+    inside = inside_of(mesh, blocks).inside
+    result = core.stitch_textures(mesh, blocks.uv, image, core.StitchSettings(radius=1000.0))
+    change = np.abs(result - image)[inside]
+    assert change.mean() < 0.004
+    assert np.quantile(change, 0.99) < 0.03
+
+
+def test_steps_are_seen_below_fine_detail():
+    blocks, mesh, image = of_fine_square()
+    inside = inside_of(mesh, blocks).inside
+    broken = with_steps(mesh, blocks, image)
+    result = core.stitch_textures(mesh, blocks.uv, broken, core.StitchSettings(radius=1e5))
+    before, after = ((pixels - image)[inside] for pixels in (broken, result))
+    assert np.std(before - before.mean(axis=0)) > 0.1
+    assert np.std(after - after.mean(axis=0)) < 0.018
+
+
+def test_textures_that_differ_by_rounding_differ_little_when_stitched():
+    blocks, mesh, image = of_fine_square()
+    moved = image + np.random.default_rng(0).normal(0, 1e-5, image.shape).astype(np.float32)
+    one, other = (core.stitch_textures(mesh, blocks.uv, each) for each in (image, moved))
+    assert np.abs(one - other).max() < 1e-3

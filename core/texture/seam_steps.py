@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Steps at seams, and what of them stands out from the detail beside them. Not in the papers.
+
+On each side of a seam the values that its own chart shows there are extrapolated, and fine detail
+is extrapolated badly: an even texture seems to have a step that changes from texel to texel. A step
+that a picture really has, by its light or color, goes on along the seam, or is larger than the
+detail.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import Floats
+from ..elements.matrices import TextureSpace
+from ..elements.surface_values import corner_values
+from ..mixture.cells import MeansAround
+
+_WIDE, _NEAR = 40.0, 6.0
+"""Sizes of the cells over which steps are averaged along a seam, in texels: to see what goes on,
+and how large the rest is."""
+
+_INDEPENDENT = 8.0, 40.0
+"""Of so many values at a seam one is independent of the others; and at most so many count."""
+
+_NOTHING = 1e-20
+
+
+def clear_steps(
+    space: TextureSpace,
+    corners: Floats,
+    rough: npt.NDArray[np.float32],
+) -> Floats:
+    """Take steps at seams away that do not stand out from the detail beside them.
+
+    A step is the sum of its average along the seam and of the rest. With s the square of either,
+    relative to that which the detail explains, s / (1 + s) of the average is kept, and
+    s^2 / (1 + s^2) of the rest. The squared second differences are what detail explains; for an
+    average they are divided by the number of independent values.
+
+    Parameters
+    ----------
+    space : TextureSpace
+    corners : (v, c) float64
+        At the corners of the pieces, as their own chart shows them; NaN where nothing is known.
+    rough : (rows, columns) float32
+        Squared second differences at nodes, as `roughness` has them.
+
+    Returns
+    -------
+    (v, c) float64
+        Both sides of a seam have the mean of both where no step stands out.
+    """
+    pieces, charts = space.cut_cells.pieces, space.atlas.charts
+    ghosts = np.zeros(len(space.atlas.sheet.ghosts), dtype=np.bool_)
+    errors = corner_values(space, rough[..., None], ghosts)[:, 0]
+    chart = np.repeat(charts.labels[pieces.faces], np.diff(pieces.start)).astype(np.int64)
+    at = np.flatnonzero(~np.isnan(corners[:, 0]) & ~np.isnan(errors) & (chart >= 0))
+    count = len(charts.boxes)
+    sides, first, index = np.unique(
+        pieces.points[at] * count + chart[at], return_index=True, return_inverse=True
+    )
+    shown = _means(index, corners[at])
+    point, side = np.divmod(sides, count)
+    number, counts = np.unique(point, return_inverse=True, return_counts=True)[1:]
+    seen = counts[number]
+    seam = np.flatnonzero(seen > 1)
+    if len(seam) == 0:
+        return corners
+    steps = (shown - _means(number, shown)[number])[seam]
+    # Of a mean of k sides with independent errors: their sum over k^2.
+    error = _means(number, _means(index, errors[at, None]))[number][seam] / seen[seam, None]
+    places = pieces.places[at[first[seam]]]
+    group = _groups(number[seam], side[seam])
+    clear = np.zeros_like(shown)
+    clear[seam] = _clear(steps, error, places, group) - steps
+    found = corners.copy()
+    found[at] += clear[index]
+    return found
+
+
+def _clear(steps: Floats, error: Floats, places: Floats, group: npt.NDArray[np.intp]) -> Floats:
+    def averaged(values: Floats, size: float) -> Floats:
+        # Along the seam between two charts, from which others are far in a third direction.
+        apart = np.column_stack([places, 4.0 * size * group])
+        return MeansAround(apart, values, size).at(np.arange(len(places)))
+
+    wide = averaged(np.column_stack([steps, error]), _WIDE)
+    lasting, explained = wide[:, :-1], wide[:, -1]
+    independent = np.clip(np.bincount(group)[group] / _INDEPENDENT[0], 1.0, _INDEPENDENT[1])
+    share = _standing_out((lasting**2).sum(axis=1), explained / independent, 1)
+    rest = steps - lasting
+    near = averaged(np.column_stack([(rest**2).sum(axis=1), error]), _NEAR)
+    return share * lasting + _standing_out(near[:, 0], near[:, 1], 2) * rest
+
+
+def _standing_out(square: Floats, explained: Floats, power: int) -> Floats:
+    share: Floats = square**power / (square**power + explained**power + _NOTHING)
+    return share[:, None]
+
+
+def _groups(point: npt.NDArray[np.intp], side: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
+    # A number for each chart and the charts that it meets there: points of a seam have the same.
+    others = np.bincount(point, np.sqrt(side + 2.0))[point]
+    keys = np.column_stack([side, np.round(others, 6)])
+    found: npt.NDArray[np.intp] = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    return found
+
+
+def _means(index: npt.NDArray[np.intp], values: Floats) -> Floats:
+    counts = np.bincount(index)
+    return np.column_stack([np.bincount(index, column) / counts for column in values.T])
