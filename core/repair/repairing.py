@@ -49,7 +49,7 @@ of the change or less is taken."""
 _ROUNDING = 2e-6
 """Relative changes up to this are errors of single precision and its logarithms."""
 
-_CRISP, _BLURRED = 2.1, 2.6
+_CRISP, _BLURRED = 2.25, 2.5
 """Widths of borders in texels, from 10 to 90 %, that need no sharpening and all of it."""
 
 _UNBLOCKED = 1.25
