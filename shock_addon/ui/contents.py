@@ -77,7 +77,7 @@ def draw_maps(panel: Panel, context: bpy.types.Context) -> None:
     column = layout.column()
     column.enabled = not obstacle
     column.scale_y = 1.2
-    for from_selected, text in ((False, "Bake All"), (True, "Selected to Active")):
+    for from_selected, text in ((False, "Bake 3 Maps"), (True, "Selected to Active")):
         row = column.row()
         if from_selected:
             row.context_pointer_set(FROM_SELECTED, context.scene)

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests of Bake Maps: of objects themselves, and of detailed ones onto a simple one."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import generating
 from shock_filter.shock_addon.running import jobs
 
 SIZE = 256
@@ -50,7 +53,16 @@ def test_all_maps_of_an_object_have_names_that_others_know(low):
     nodes = low.active_material.node_tree.nodes
     assert {node.image.name for node in nodes if node.type == "TEX_IMAGE"} == names
     assert not nodes["Principled BSDF"].inputs["Base Color"].is_linked
-    assert operators.summaries["maps"].startswith("Baked 3 maps of Low, ")
+    said = "Baked 3 maps of Low: Curvature, Occlusion, Thickness; "
+    assert operators.summaries["maps"].startswith(said)
+
+
+def test_each_button_says_before_the_press_what_it_bakes():
+    """The label counts the maps that the tooltip names."""
+    about = generating.SHOCK_FILTER_OT_bake_maps.description
+    own, onto = (about(bpy.context, SimpleNamespace(from_selected=each)) for each in (False, True))
+    assert "curvature, occlusion and thickness of all selected mesh objects" in own
+    assert "onto the active one: normals, height, curvature" in onto
 
 
 def test_a_detailed_object_comes_onto_the_active_one(low, select):
@@ -144,7 +156,7 @@ def test_the_report_is_short_and_no_warning(low, select, monkeypatch):
     assert bake(from_selected=True, cage=0.5) == {"FINISHED"}
     assert kinds == ["INFO"]
     said = operators.summaries["maps"]
-    assert len(said) < 120 and "\n" not in said
+    assert len(said) < 130 and "\n" not in said
     assert "Low had no material" in said
     folded = operators.details_of(bpy.context, "maps")
     assert "white is 50 cm above" in folded and " m" in folded.split("radius of")[1]

@@ -637,7 +637,7 @@ def test_selected_to_active_says_why_it_is_gray(rounded_box, select):
             if len(objects) == 1:
                 with pytest.raises(RuntimeError, match="and last the one to bake onto"):
                     bake(from_selected=True)
-        assert bake.poll()  # scripts and Bake All
+        assert bake.poll()  # scripts and Bake 3 Maps
 
 
 def test_link_is_offered_while_a_generated_image_waits(rounded_box, monkeypatch):
@@ -660,7 +660,7 @@ def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypa
     monkeypatch.setattr(operators, "summary_of", lambda _, key: f"Report of {key}.")
     monkeypatch.setattr(operators, "details_of", lambda _, key: f"Folded of {key}.")
     drawn = draw(cls)
-    assert words(drawn, "operator") == ["Bake All", "Selected to Active"]
+    assert words(drawn, "operator") == ["Bake 3 Maps", "Selected to Active"]
     said = words(drawn, "label")
     assert "Report of maps." in said and "Details" in said and "Folded of maps." not in said
     unfolded = Layout()
@@ -671,7 +671,7 @@ def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypa
         "current",
         lambda: SimpleNamespace(fraction=0.5, message="Baking maps", quiet_until=0.0),
     )
-    assert "Bake All" not in words(draw(cls), "operator")
+    assert "Bake 3 Maps" not in words(draw(cls), "operator")
 
 
 def test_the_report_of_generate_is_below_its_button_not_below_its_settings(
