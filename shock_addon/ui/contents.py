@@ -166,6 +166,8 @@ def draw_statistics(
             _draw_value(column, text, f"{number:,}")
     if not counts.size:
         column.label(text="Nothing to work on.")
+    elif said := statistics.basis(context, mode, settings):
+        draw_text(column, context, said)
     last = statistics.last_run(mode, settings)
     if last is not None:
         column.separator()

@@ -82,6 +82,7 @@ def context_in(space="VIEW_3D", image=None, width=280):
     return SimpleNamespace(
         space_data=SimpleNamespace(type=space, image=image),
         scene=bpy.context.scene,
+        view_layer=bpy.context.view_layer,
         object=bpy.context.object,
         mode=bpy.context.mode,
         selected_objects=bpy.context.selected_objects,
@@ -711,6 +712,14 @@ def test_statistics_count_and_say_how_fast_the_last_run_was(rounded_box):
     assert drawn[::2] == ["Last Run", "Speed"]
     assert drawn[1].endswith((" s", " min"))
     assert drawn[3].endswith(" a second")
+
+
+def test_statistics_say_whether_modifiers_count(rounded_box):
+    box = rounded_box(cuts=1)
+    box.modifiers.new("Fine", "SUBSURF").levels = 1
+    bpy.context.view_layer.update()
+    drawn = words(draw(bpy.types.SHOCK_FILTER_PT_statistics), "label")
+    assert drawn[3] == "98" and "Counted with modifiers" in " ".join(drawn[6:])
 
 
 def test_texture_paint_mode_has_the_menu_in_its_header(rounded_box):
