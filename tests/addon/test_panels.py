@@ -1122,6 +1122,19 @@ def test_keep_takes_what_the_field_shows_after_a_live_copy_was_updated():
     assert keeping.found_by(bpy.context, "geometry", "widest_fillet") is None
 
 
+def test_what_auto_chose_stays_while_creases_and_flows_are_shown(rounded_box, select):
+    box = rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry()
+    chosen = keeping.found_by(bpy.context, "geometry", "widest_fillet")
+    select(rounded_box(location=(4, 0, 0)))
+    assert bpy.ops.shock_filter.show_creases() == {"FINISHED"}
+    assert keeping.found_by(bpy.context, "geometry", "widest_fillet") is None  # of another object
+    select(box)
+    for show in ("show_creases", "mark_creases", "show_flow"):
+        assert getattr(bpy.ops.shock_filter, show)() == {"FINISHED"}
+        assert keeping.found_by(bpy.context, "geometry", "widest_fillet") is chosen is not None
+
+
 def test_every_mode_has_a_button_or_a_panel_of_its_own():
     own = {panel.own for panel in panels.CLASSES if getattr(panel, "own", "")}
     for choice in JOBS:
