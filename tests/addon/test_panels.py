@@ -600,7 +600,10 @@ def test_painting_where_says_what_to_paint_with(rounded_box):
     hint = "paint with 0 where the mesh"
     assert hint not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
     bpy.ops.shock_filter.paint_live()
-    assert hint in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    drawn = draw(panels.SHOCK_FILTER_PT_main)
+    assert hint in " ".join(words(drawn, "label"))
+    assert ("operator", "Done Painting") in drawn
+    assert ("shock_filter.paint_live",) not in words(drawn, "operator")
     bpy.context.object.vertex_groups.new(name="Other")
     bpy.context.object.vertex_groups.active_index = 1
     assert hint not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
@@ -625,6 +628,8 @@ def test_a_live_texture_has_its_amount_and_says_what_to_paint_with(wood):
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     assert hint in " ".join(words(drawn, "label"))
     assert "Will sharpen: Wood" in words(drawn, "label")  # not the mask
+    done = words(drawn, "set")[words(drawn, "operator").index("Done Painting")]
+    assert done.mode == "OBJECT"
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
