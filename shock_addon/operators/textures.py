@@ -74,7 +74,7 @@ class TextureOperator(OneImageOperator):
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
         """Show it in the materials, with Assign; beside the old one with Live.
 
-        With Replace nothing is mixed with it any more.
+        With Replace nothing is mixed with it any more, nor with Assign if nothing has changed.
         """
         if self.output == "LIVE":
             with data.mesh.meshes.object_mode(bpy.context):
@@ -86,6 +86,8 @@ class TextureOperator(OneImageOperator):
                 self._notes.append(text.format(name=source.name))
         elif self.assign:
             data.image.mixing.remove(target.objects, source)
+            if image == source:
+                return
             # Texture Paint Mode looks for the materials' images when it is entered.
             with data.mesh.meshes.object_mode(bpy.context):
                 self._notes += data.image.textures.assign(target.objects, source, image)

@@ -432,7 +432,7 @@ def test_the_image_editor_says_nothing_of_other_images(rounded_box):
         bpy.data.images.new(name, 8, 8)
     bpy.ops.shock_filter.sharpen_image(image="Photo")
     main = panels.SHOCK_FILTER_PT_image_main
-    text = " ".join(report_of(draw(main, bpy.data.images["Photo sharpened"])))
+    text = " ".join(report_of(draw(main, bpy.data.images["Photo"])))
     assert text == operators.summaries["image"]
     assert report_of(draw(main, bpy.data.images["Other"])) == []
 
