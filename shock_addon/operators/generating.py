@@ -10,7 +10,7 @@ import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from .. import data
-from ..data.skipped import Refused, Skipped, sentences
+from ..data.skipped import Refused, Skipped, explain, sentences
 from ..kinds import Data
 from ..modes import Mode, find
 from . import poll as obstacles
@@ -113,7 +113,8 @@ class GenerateOperator(FilterOperator):
     def notes(self, written: list[Written]) -> str:
         """Return remarks on the UV map, and on where the image is shown."""
         first = written[0]
-        return " ".join(dict.fromkeys([*first.target.notes, *self._notes, *first.result.notes]))
+        of_uv = map(explain, first.result.notes)
+        return " ".join(dict.fromkeys([*first.target.notes, *self._notes, *of_uv]))
 
 
 FROM_SELECTED = "shock_filter_selected_to_active"
@@ -303,7 +304,7 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
 
     def notes(self, written: list[Written]) -> str:
         """Return remarks on the UV map and on materials."""
-        return " ".join([*written[0].result.notes, *self._notes])
+        return " ".join([*map(explain, written[0].result.notes), *self._notes])
 
     def draw(self, context: bpy.types.Context) -> None:
         """Show the settings after the run."""

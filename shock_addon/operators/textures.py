@@ -9,7 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
-from ..data.skipped import Refused, Skipped, sentences
+from ..data.skipped import Refused, Skipped, explain, sentences
 from . import poll as obstacles
 from .base import Done, Written, counted
 from .images import OneImageOperator
@@ -65,7 +65,7 @@ class TextureOperator(OneImageOperator):
         """Return the new colors of each tile."""
         from ...core.host.textures import tiles_of
 
-        self._notes += [*target.notes, *result.notes]
+        self._notes += [*target.notes, *map(explain, result.notes)]
         if target.mosaic is None:
             return {data.image.images.UNTILED: result.recolored}
         levels = target.surface.picture.levels

@@ -6,9 +6,11 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
+from shock_filter.shock_addon.data import skipped
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import generating
 from shock_filter.shock_addon.running import jobs
+from shock_filter.shock_addon.ui import translations
 
 SIZE = 256
 
@@ -193,8 +195,22 @@ def test_objects_that_share_a_map_are_not_called_filtered(low, select):
     select(low, other)
     assert bake(maps={"curvature"}) == {"FINISHED"}
     said = operators.summaries["maps"]
-    assert "4 faces overlap in the texture, which holds the values of the first." in said
+    assert "Faces that overlap in the texture, which holds the values of the first: 4." in said
     assert "filtered" not in said
+
+
+@pytest.mark.parametrize("language", ["de_DE", "ja_JP"])
+def test_what_is_said_of_the_uv_map_is_translated(low, select, monkeypatch, language):
+    table = translations.table(language)
+    monkeypatch.setattr(skipped, "pgettext_rpt", lambda text: table.get(("*", text), text))
+    other = grid("Other", 1)
+    bpy.context.view_layer.update()
+    select(low, other)
+    assert bake(maps={"curvature"}) == {"FINISHED"}
+    said = operators.summaries["maps"]
+    assert "overlap" not in said
+    sentence = "Faces that overlap in the texture, which holds the values of the first: {count}."
+    assert table["*", sentence].format(count=4) in said
 
 
 def test_what_is_missing_is_said(low):
