@@ -51,6 +51,7 @@ def _forget_file(*_: object) -> None:
     operators.summaries.clear()
     operators.details.clear()
     keeping.found.clear()
+    keeping.owners.clear()
 
 
 @persistent

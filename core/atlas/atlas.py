@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import BAND, SCALES, by_keyword, checked_size
+from ..base.findings import Finding
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
@@ -55,7 +56,7 @@ class UVReport:
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = 1.5 + mesh.vertices[mesh.faces][..., :2]
     >>> core.TextureAtlas(mesh, uv, size=(8, 8)).report.sentences()
-    ['2 faces leave the image, which repeats there.']
+    ['Faces that leave the image, which repeats there: 2.']
     """
 
     charts: int
@@ -65,26 +66,29 @@ class UVReport:
     degenerate: npt.NDArray[np.intp]
 
     def sentences(self, made: bool = False) -> list[str]:
-        """Describe the findings in sentences; empty if there are none.
+        """Describe what was found in sentences; empty if there is nothing.
 
         Parameters
         ----------
         made : bool
             Whether the image was made from the surface, not filtered.
         """
-        overlapping = "overlap in the texture, and are filtered where the first lies"
-        if made:
-            overlapping = "overlap in the texture, which holds the values of the first"
+        return [str(each) for each in self.findings(made)]
+
+    def findings(self, made: bool = False) -> list[Finding]:
+        """Return what `sentences` says, with the numbers apart, so that it can be translated."""
         found = [
-            (self.overlapping, overlapping),
-            (self.outside, "leave the image, which repeats there"),
-            (self.degenerate, "have no area in the texture"),
+            (
+                self.overlapping,
+                "Faces that overlap in the texture, which holds the values of the first: {count}."
+                if made
+                else "Faces that overlap in the texture, and are filtered where the first lies:"
+                " {count}.",
+            ),
+            (self.outside, "Faces that leave the image, which repeats there: {count}."),
+            (self.degenerate, "Faces that have no area in the texture: {count}."),
         ]
-        return [
-            f"{len(faces)} {'faces' if len(faces) != 1 else 'face'} {what}."
-            for faces, what in found
-            if len(faces)
-        ]
+        return [Finding(text, {"count": len(faces)}) for faces, text in found if len(faces)]
 
 
 @dataclass(frozen=True)

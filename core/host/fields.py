@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
+from ..base.findings import Finding
 from ..base.progress import ProgressCallback, phase, reporting
 from ..grid.resize import resized
 from ..maps.baking import bake_maps
@@ -70,12 +71,12 @@ class Generated:
         Values of texels, from the bottom up, or of vertices.
     shown : (h, w) or (n,) bool
         Which values are on the surface and finite.
-    notes : tuple of str
+    notes : tuple of Finding
     """
 
     values: npt.NDArray[np.float32]
     shown: npt.NDArray[np.bool_]
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
     @property
     def grays(self) -> npt.NDArray[np.float32]:
@@ -163,7 +164,7 @@ def generate(
     values = made if surface.at_vertices else grays_of(made, atlas.inside)
     shown = np.isfinite(values) if surface.at_vertices else np.isfinite(values) & atlas.inside
     values = values.astype(np.float32, copy=False)
-    return Generated(values, shown, tuple(atlas.report.sentences(made=True)))
+    return Generated(values, shown, tuple(atlas.report.findings(made=True)))
 
 
 def _at_vertices(
@@ -237,7 +238,7 @@ class Baked:
     """Images (h, w, c) by the names of maps, from the bottom up, and remarks on the UV map."""
 
     images: dict[str, npt.NDArray[np.float32]]
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
 
 def bake(
@@ -270,4 +271,4 @@ def bake(
                 atlas=atlas,
             )
     images = {name: each if each.ndim == 3 else each[..., None] for name, each in found.items()}
-    return Baked(images, tuple(atlas.report.sentences(made=True)))
+    return Baked(images, tuple(atlas.report.findings(made=True)))

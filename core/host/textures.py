@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
+from ..base.findings import Finding
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
 from ..grid.resize import resized
@@ -39,7 +40,7 @@ class Retextured:
 
     recolored: Recolored
     shown: npt.NDArray[np.bool_] | None
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
 
 def filter_texture(
@@ -88,7 +89,7 @@ def filter_texture(
                 changed = filter_pixels(
                     surface.picture, name, settings, *where, shown=shown, **words
                 )
-    return Retextured(changed, shown, tuple(atlas.report.sentences()))
+    return Retextured(changed, shown, tuple(atlas.report.findings()))
 
 
 def tiles_of(

@@ -69,3 +69,9 @@ def result_of(mix: bpy.types.Node) -> bpy.types.ShaderNodeTexImage | None:
     marked = [each for each in mix.id_data.nodes if each.get(LIVE_RESULT_OF) == mix.name]
     own = [each for each in linked if LIVE_RESULT_OF in each]
     return next((each for each in (*own, *marked) if each.type == "TEX_IMAGE"), None)
+
+
+def is_result(image: bpy.types.Image) -> bool:
+    """Whether any material of this file mixes an image in."""
+    nodes = (node for material in bpy.data.materials for node in image_nodes(material))
+    return any(node.image == image and is_live_result(node) for node in nodes)

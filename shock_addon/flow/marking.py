@@ -27,6 +27,7 @@ class _CreaseOperator(MeshOperator):
     """What both have in common: creases are found with the panel's settings."""
 
     angle = _ANGLE
+    chooses = False
 
     @property
     def row(self) -> Mode:

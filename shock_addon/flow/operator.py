@@ -26,6 +26,8 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         " the active object, and arrows that point where values go. The mesh stays as it is"
     )
 
+    chooses = False
+
     mode: bpy.props.EnumProperty(
         name="Mode",
         description="Whose flow to show",

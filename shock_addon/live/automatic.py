@@ -63,7 +63,7 @@ def is_coming(obj: bpy.types.Object) -> bool:
     Right after a change the tab is drawn before that is looked at. If it said then that the copy is
     out of date, its panels would move for it, and back: each takes several drawings of the window.
     """
-    is_running = _job is not None and _job is jobs.current() and obj.session_uid == _updated
+    is_running = _running() is not None and obj.session_uid == _updated
     is_new = not _is_of_undo() and obj.session_uid in data.live.watching.changed_since(_seen)
     return is_on(obj) and (is_running or is_new or obj.session_uid not in _refused)
 
@@ -101,6 +101,8 @@ def wait(*_: object) -> None:
     global _undone
     _undone = time.monotonic()
     _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
+    if job := _running():
+        job.cancel()  # it has read what is gone
 
 
 def due() -> list[bpy.types.Object]:
@@ -130,6 +132,9 @@ def _note_job() -> None:
     _job = jobs.current()
     if _job is not None:
         _job.quiet_until = time.monotonic() + _QUIET
+        # Before Blender 4.2 nobody knows of a drag that a key has begun.
+        _job.keys_pass = "modal_operators" in bpy.types.Window.bl_rna.properties
+        _job.is_welcome = _is_welcome
 
 
 def _look() -> float:
@@ -143,14 +148,35 @@ def _look() -> float:
             _refused.difference_update(changed)
         else:  # Blender evaluates after the handlers of undo
             _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())
-        if _updated in changed and _job is not None and _job is jobs.current():
-            _job.cancel()  # its result would be out of date
-            _refused.discard(_updated)
+        if _updated in changed:
+            _drop()  # its result would be out of date
+    if bpy.context.mode != "OBJECT":
+        _drop()  # nothing is written in other modes, in which the artist may stay for long
     elapsed = time.monotonic() - changed_at
     if elapsed < _rest:
         return max(_rest - elapsed, 0.01)
     run()
     return _LOOK if elapsed < _AWAKE else LOOK_ASLEEP
+
+
+def _running() -> jobs.Job | None:
+    return _job if _job is jobs.current() else None
+
+
+def _drop() -> None:
+    # An update that is under way comes again when it may.
+    if job := _running():
+        job.cancel()
+        _refused.discard(_updated)
+
+
+def _is_welcome() -> bool:
+    """Whether the result of an update may be written: not while keys do something else.
+
+    Nor before `_look` has seen the last change, which may put it out of date.
+    """
+    is_seen = bool(data.live.watching.changed_at == _seen)
+    return is_seen and bpy.context.mode == "OBJECT" and not jobs.is_artist_busy()
 
 
 def _is_of_undo() -> bool:
@@ -161,9 +187,4 @@ def _is_of_undo() -> bool:
 def _is_busy() -> bool:
     if jobs.current() is not None or jobs.is_settling() or jobs.is_scene_read():
         return True
-    if bpy.context.mode != "OBJECT":
-        return True
-    for window in bpy.context.window_manager.windows:
-        if window.screen.is_animation_playing or len(getattr(window, "modal_operators", ())):
-            return True
-    return False
+    return bpy.context.mode != "OBJECT" or jobs.is_artist_busy()

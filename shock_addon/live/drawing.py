@@ -53,8 +53,12 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> 
     if data.chosen.live_source(obj) is not None:
         is_on = automatic.is_on(obj)
         row.operator("shock_filter.auto_update_live", depress=is_on)
-    row.operator(f"shock_filter.paint_live{'' if texture is None else '_texture'}")
-    _draw_hints(layout, context, modifiers, texture)
+    hint = _hint(context, modifiers, texture)
+    if hint:
+        row.operator("object.mode_set", text="Done Painting").mode = "OBJECT"
+        draw_text(layout, context, hint, icon="INFO")
+    else:
+        row.operator(f"shock_filter.paint_live{'' if texture is None else '_texture'}")
     is_asked = modifiers and obj.mode != "EDIT" and not automatic.is_coming(obj)
     if is_asked and jobs.current() is None:
         found = data.live.watching.state_for_panel(obj, updating.state)
@@ -62,21 +66,21 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> 
             draw_text(layout, context, _SAID[found], icon="ERROR")
 
 
-def _draw_hints(
-    layout: bpy.types.UILayout,
+def _hint(
     context: bpy.types.Context,
     modifiers: list[bpy.types.Modifier],
     texture: tuple[bpy.types.ShaderNodeTexImage, bpy.types.Node] | None,
-) -> None:
-    """Say what to paint with, while a mask is painted."""
+) -> str:
+    """Return what to paint with, while a mask is painted; empty else."""
     obj = context.object
     if obj.mode == "WEIGHT_PAINT" and _is_painted(obj, modifiers):
-        draw_text(layout, context, PAINTED, icon="INFO")
+        return PAINTED
     if obj.mode == "TEXTURE_PAINT" and texture is not None:
         where, is_inverted = data.materials.live_mask(texture[1])
         paint = context.tool_settings.image_paint
         if where is not None and paint.mode == "IMAGE" and paint.canvas == where.image:
-            draw_text(layout, context, BLACK_SHOWS if is_inverted else WHITE_SHOWS, icon="INFO")
+            return BLACK_SHOWS if is_inverted else WHITE_SHOWS
+    return ""
 
 
 def _is_painted(obj: bpy.types.Object, modifiers: list[bpy.types.Modifier]) -> bool:

@@ -19,7 +19,7 @@ from ..kinds import Data
 from ..modes import Mode, Target
 from ..running import kernels
 from ..running.jobs import ModalJob, current, is_scene_read
-from .keeping import Found, found
+from .keeping import Found, found, owners
 from .keeping import subjects as _subjects
 from .properties import AUTO, settings_of
 
@@ -144,7 +144,11 @@ class FilterOperator(ModalJob):
         Its row in the table of modes.
     obstacle : callable
         ``obstacle(context)`` returns why it cannot run, empty if it can; see `operators.poll`.
+    chooses : bool
+        Whether it filters, so that the panel shows what it chooses instead of what was chosen last.
     """
+
+    chooses = True
 
     if TYPE_CHECKING:  # Blender would evaluate annotations for each operator
         row: Mode
@@ -249,7 +253,9 @@ class FilterOperator(ModalJob):
         with self._errors_reported(_FAILED):
             data.image.stand_in.put_away()
             _subjects[self.key] = data.chosen.subjects(context)
-            found.pop(self.key, None)
+            if self.chooses:
+                found.pop(self.key, None)
+                owners[self.key] = data.chosen.subjects(context)
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)
             if self.targets:
@@ -314,7 +320,8 @@ class FilterOperator(ModalJob):
         if not written:
             self.tell("ERROR", " ".join(skipped))
             return {"CANCELLED"}
-        _subjects[self.key] |= {each.data.session_uid for each in written}
+        for known in (_subjects, owners) if self.chooses else (_subjects,):
+            known[self.key] |= {each.data.session_uid for each in written}
         seconds = time.perf_counter() - self._began
         statistics.learn(self, self.count_filtered(written), seconds)
         if listener is not None:

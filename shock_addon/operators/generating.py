@@ -7,10 +7,10 @@ import math
 from typing import Any
 
 import bpy
-from bpy.app.translations import pgettext_rpt
+from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from .. import data
-from ..data.skipped import Refused, Skipped, sentences
+from ..data.skipped import Refused, Skipped, explain, sentences
 from ..kinds import Data
 from ..modes import Mode, find
 from . import poll as obstacles
@@ -113,7 +113,8 @@ class GenerateOperator(FilterOperator):
     def notes(self, written: list[Written]) -> str:
         """Return remarks on the UV map, and on where the image is shown."""
         first = written[0]
-        return " ".join(dict.fromkeys([*first.target.notes, *self._notes, *first.result.notes]))
+        of_uv = map(explain, first.result.notes)
+        return " ".join(dict.fromkeys([*first.target.notes, *self._notes, *of_uv]))
 
 
 FROM_SELECTED = "shock_filter_selected_to_active"
@@ -130,6 +131,19 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
         " Active those of detailed objects onto the active one, also normals and height"
     )
     bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def description(
+        cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties
+    ) -> str:
+        """Say which maps a button bakes, and of what."""
+        return pgettext_rpt(
+            "Bake maps of the detailed objects, the others that are selected, onto the active"
+            " one: normals, height, curvature, occlusion, thickness, and colors if there are any"
+            if properties.from_selected
+            else "Bake curvature, occlusion and thickness of all selected mesh objects, which share"
+            " the three images. Adjust Last Operation offers other maps"
+        )
 
     @staticmethod
     def obstacle(context: bpy.types.Context) -> str:
@@ -268,13 +282,15 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
         return size, size
 
     def summary(self, written: list[Written], seconds: float) -> str:
-        """Count the maps, which have the name of the object."""
+        """Name the maps, and the object after which they are named."""
         target = written[0].target
-        text = pgettext_rpt("Baked {maps} of {objects}, {seconds:.1f} s.")
+        text = pgettext_rpt("Baked {maps} of {objects}: {names}; {seconds:.1f} s.")
+        items = self.properties.bl_rna.properties["maps"].enum_items
         objects = counted(len(target.objects), "1 object", "{:,} objects")
         return text.format(
             maps=counted(len(self._made), "1 map", "{:,} maps"),
             objects=target.name if len(target.objects) == 1 else objects,
+            names=", ".join(pgettext_iface(items[key].name) for key in self._made),
             seconds=seconds,
         )
 
@@ -288,7 +304,7 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
 
     def notes(self, written: list[Written]) -> str:
         """Return remarks on the UV map and on materials."""
-        return " ".join([*written[0].result.notes, *self._notes])
+        return " ".join([*map(explain, written[0].result.notes), *self._notes])
 
     def draw(self, context: bpy.types.Context) -> None:
         """Show the settings after the run."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -66,6 +67,7 @@ class OneImageOperator(FilterOperator):
         """Write all images, and show the first one in the Image Editor."""
         self._parts: list[dict[int, Any]] = []
         self._digests: dict[int, bytes] = {}
+        self._known: list[str] = []
         swaps: list[data.replaced.Swap] = []
         used = dict(zip([t.image_uid for t in self.targets], self.result.split("\n"), strict=False))
         if self.output == "REPLACE":
@@ -79,7 +81,8 @@ class OneImageOperator(FilterOperator):
             source = image if self.output == "REPLACE" else data.image.images.find_image(target)
             space = context.space_data if target is self.targets[0] else None
             data.shown.show(space, source, image, again=bool(self.result))
-            used[target.image_uid] = image.name
+            # One that was there is not of this run, so that another try must not write into it.
+            used[target.image_uid] = "" if image.name in self._known else image.name
             swaps += self._swaps(target, source, image)
         self.result = "\n".join(used.get(target.image_uid, "") for target in self.targets)
         self._is_settled = bool(written) and self._settle(context)
@@ -105,6 +108,9 @@ class OneImageOperator(FilterOperator):
             sizes = dict.fromkeys(tuple(each.data.size) for each in written)
             text = pgettext_rpt("Enlarged to {sizes} pixels.")
             said.append(text.format(sizes=", ".join(f"{w} x {h}" for w, h in sizes)))
+        if self._known:
+            text = pgettext_rpt("{names} held the same already, so no copy was made.")
+            said.append(text.format(names=", ".join(self._known)))
         if self._is_settled:
             text = "Enlarge is back at 1, so that the next press keeps the size."
             said.append(pgettext_rpt(text))
@@ -117,14 +123,21 @@ class OneImageOperator(FilterOperator):
         new = {number: part.colors for number, part in parts.items()}
         suffix = self.row.done.lower()
         is_changed = any(part.changed for part in parts.values())
-        if self.output == "REPLACE":
+        if self.output != "REPLACE":  # what lies beside the charts is not counted as changed
+            is_changed |= data.image.images.differ(source, target.parts, new)
+        is_kept = self.output == "REPLACE" or not (
+            self.output == "LIVE" or data.image.images.is_reusable(source, used, new)
+        )
+        is_spared = not is_changed and is_kept
+        if self.output == "REPLACE" or (is_spared and self.output == "NEW"):
             self.show(target, source, source)
-        if not is_changed and (
-            self.output == "REPLACE" or data.image.images.is_result(source, suffix)
-        ):
-            return source  # one more copy would be of no use
+        if is_spared:
+            return source  # a copy would be of no use
         if self.output != "REPLACE":
-            image = data.image.images.add_or_reuse(source, suffix, used, new)
+            image, was_there = data.image.images.add_or_reuse(
+                source, suffix, used, new, self._stands_for(target, source)
+            )
+            self._known += [image.name] * was_there
             self.show(target, source, image)
             for each in (source, image):
                 data.image.images.keep(each)
@@ -132,6 +145,18 @@ class OneImageOperator(FilterOperator):
         digest = data.image.images.overwrite(source, target.parts, new)
         self._digests[target.image_uid] = digest
         return source
+
+    def _stands_for(
+        self, target: Any, source: bpy.types.Image
+    ) -> Callable[[bpy.types.Image], bool]:
+        """Return which images may stand for an equal result.
+
+        That of a live texture is its own, since *Update* writes into it.
+        """
+        if self.output == "LIVE":
+            mixed = data.image.mixing.results(target.objects, source)
+            return lambda image: any(node.image == image for node in mixed)
+        return lambda image: not data.mixes.is_result(image)
 
     def _swaps(
         self, target: Any, source: bpy.types.Image, image: bpy.types.Image

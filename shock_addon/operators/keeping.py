@@ -33,12 +33,15 @@ class Found(NamedTuple):
 
 
 found: dict[str, dict[str, Found]] = {}
-"""What these runs chose for settings that were left to them, by mode and property."""
+"""What the last filtering runs chose for settings that were left to them, by mode and property."""
+
+owners: dict[str, set[int]] = {}
+"""The uids of the objects and images of these runs; what shows or marks creases is none of them."""
 
 
 def found_by(context: bpy.types.Context, key: str, name: str) -> Found | None:
     """Return what the last run of a mode on the selection chose for a setting left to it."""
-    same = data.chosen.subjects(context) & subjects.get(key, set())
+    same = data.chosen.subjects(context) & owners.get(key, set())
     return found.get(key, {}).get(name) if same else None
 
 

@@ -20,6 +20,9 @@ from . import choosing
 AUTO = "_auto"
 """End of the names of switches that leave a setting to the filter."""
 
+OWN_WORDS = "Shock Filter"
+"""Translation context of properties whose words are not to be Blender's own."""
+
 _WIDE = 100.0
 """Numbers with a larger range are shown with one decimal instead of three."""
 
@@ -118,6 +121,8 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
         text["description"] += f".\nUnit: {about.unit}"
     if kind is str:
         items = [(word, label(word), meaning) for word, meaning in about.choices.items()]
+        if "creases" in about.choices:  # Blender's word for these differs from that on the buttons
+            text["translation_context"] = OWN_WORDS
         return bpy.props.EnumProperty(items=items, default=default, **text)
     low = max(about.minimum, about.soft_minimum)
     high = min(about.maximum, about.soft_maximum)

@@ -14,10 +14,14 @@ import bpy
 from .. import data
 from ..data.skipped import Skipped
 from ..modes import Mode
+from . import poll
 
 
 class Counts(NamedTuple):
-    """The amount of input; a mesh with several users counts once."""
+    """The amount of input; a mesh with several users counts once.
+
+    Where what is seen is filtered, what is seen counts, with modifiers.
+    """
 
     meshes: int = 0
     vertices: int = 0
@@ -61,8 +65,7 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
     is_film = mode.data.handled_as == "films"
     if is_film and image is not None:
         return Counts(pixels=_pixels(image))
-    objects = data.chosen.mesh_objects(context)
-    found = {obj.data.session_uid: obj.data for obj in objects}.values()
+    found = _meshes(context, mode, settings).values()
     meshes = [mesh for mesh in found if mesh.polygons or mesh.is_editmode]
     counts = Counts(
         meshes=len(meshes),
@@ -73,6 +76,21 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
         pixels = _pixels(_texture(context, settings))
         return counts._replace(pixels=pixels) if pixels else Counts()
     return counts
+
+
+def basis(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
+    """Say whether objects with modifiers count with these; empty if there are none."""
+    if not mode.data.on_surface:
+        return ""
+    objects = [obj for obj in data.chosen.mesh_objects(context) if _has_modifiers(obj)]
+    seen = [obj for obj in objects if _is_seen(context, mode, settings, obj)]
+    if not objects:
+        return ""
+    if not seen:
+        return "Counted without modifiers, as it is filtered."
+    if len(seen) == len(objects):
+        return "Counted with modifiers, as it is seen and filtered."
+    return "Counted with modifiers where new objects are made, else without."
 
 
 def learn(operator: bpy.types.Operator, filtered: int, seconds: float) -> None:
@@ -90,6 +108,37 @@ def last_run(mode: Mode, settings: Any) -> Run | None:
 def forget() -> None:
     """Forget all runs."""
     _last.clear()
+
+
+def _meshes(
+    context: bpy.types.Context, mode: Mode, settings: Any
+) -> dict[tuple[bool, int], bpy.types.Mesh]:
+    # Objects with the same mesh may look different.
+    found = {}
+    for obj in data.chosen.mesh_objects(context):
+        if _is_seen(context, mode, settings, obj):
+            found[True, obj.session_uid] = _seen(context, obj)
+        else:
+            found[False, obj.data.session_uid] = obj.data
+    return found
+
+
+def _is_seen(context: bpy.types.Context, mode: Mode, settings: Any, obj: bpy.types.Object) -> bool:
+    is_mesh = mode.data.handled_as == "meshes" and context.mode == "OBJECT"
+    return is_mesh and len(obj.modifiers) > 0 and poll.makes_object(mode, settings, obj)
+
+
+def _seen(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.types.Mesh:
+    # What was evaluated last: drawing must not evaluate. The mesh of a live copy is its source's.
+    graph = context.view_layer.depsgraph
+    if graph is None or data.chosen.live_source(obj) is not None:
+        return obj.data
+    return obj.evaluated_get(graph).data
+
+
+def _has_modifiers(obj: bpy.types.Object) -> bool:
+    live = data.chosen.live_modifiers(obj)
+    return any(each.show_viewport and each not in live for each in obj.modifiers)
 
 
 def _texture(context: bpy.types.Context, settings: Any) -> bpy.types.Image | None:

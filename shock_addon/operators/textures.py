@@ -9,7 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
-from ..data.skipped import Refused, Skipped, sentences
+from ..data.skipped import Refused, Skipped, explain, sentences
 from . import poll as obstacles
 from .base import Done, Written, counted
 from .images import OneImageOperator
@@ -65,7 +65,7 @@ class TextureOperator(OneImageOperator):
         """Return the new colors of each tile."""
         from ...core.host.textures import tiles_of
 
-        self._notes += [*target.notes, *result.notes]
+        self._notes += [*target.notes, *map(explain, result.notes)]
         if target.mosaic is None:
             return {data.image.images.UNTILED: result.recolored}
         levels = target.surface.picture.levels
@@ -74,7 +74,7 @@ class TextureOperator(OneImageOperator):
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
         """Show it in the materials, with Assign; beside the old one with Live.
 
-        With Replace nothing is mixed with it any more.
+        With Replace nothing is mixed with it any more, nor with Assign if nothing has changed.
         """
         if self.output == "LIVE":
             with data.mesh.meshes.object_mode(bpy.context):
@@ -86,6 +86,8 @@ class TextureOperator(OneImageOperator):
                 self._notes.append(text.format(name=source.name))
         elif self.assign:
             data.image.mixing.remove(target.objects, source)
+            if image == source:
+                return
             # Texture Paint Mode looks for the materials' images when it is entered.
             with data.mesh.meshes.object_mode(bpy.context):
                 self._notes += data.image.textures.assign(target.objects, source, image)

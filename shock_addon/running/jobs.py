@@ -30,6 +30,10 @@ _SETTLED = 0.3
 _PASSED_ON = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
 """Events for navigation during a job. Others are ignored, except in sidebars."""
 
+_BUTTONS = {"LEFTMOUSE", "RIGHTMOUSE", "PEN", "ERASER"}
+_BUTTONS |= {f"BUTTON{number}MOUSE" for number in range(4, 8)}
+"""Events that are ignored outside sidebars also where `Job.keys_pass`."""
+
 _READ_BY_OTHERS = ("RENDER", "OBJECT_BAKE")
 """Blender's jobs that read the scene on other threads; results wait for their end."""
 
@@ -51,6 +55,10 @@ class Job:
         What the operator returned at the end of its run; empty before, and if it was dropped.
     quiet_until : float
         When its progress is shown first, by `time.monotonic`.
+    keys_pass : bool
+        Whether keys do what they do without a job, other than Esc.
+    is_welcome : callable
+        ``is_welcome()`` says whether the result may be applied now; else it waits.
     """
 
     def __init__(self, work: Work) -> None:
@@ -60,6 +68,8 @@ class Job:
         self.message = "Preparing"
         self.outcome: set[str] = set()
         self.quiet_until = 0.0
+        self.keys_pass = False
+        self.is_welcome: Callable[[], bool] = lambda: True
         self._cancelled = threading.Event()
         executor = ThreadPoolExecutor(1, thread_name_prefix="shock-filter-job")
         self._future = executor.submit(work, self._progress)
@@ -123,7 +133,7 @@ class _Wait:
         status = iface_("{message}: {fraction:.0%} (Esc cancels)").format(
             message=iface_(self.job.message), fraction=self.job.fraction
         )
-        if self.job.done:
+        if self.job.done and is_scene_read():
             status = iface_("Waiting for the render to end (Esc cancels)")
         if self._status.show(context, status):
             redraw_sidebars(context)
@@ -181,12 +191,14 @@ class ModalJob:
             self.tell("INFO", "Cancelled; nothing was changed.")
             return {"CANCELLED"}
         if event.type == "TIMER":
-            if wait.job.done and not is_scene_read():
+            if wait.job.done and not is_scene_read() and wait.job.is_welcome():
                 wait.close(context)
                 wait.job.outcome = self.finish(context, wait.job.result)
                 return wait.job.outcome
             wait.show(context)
-        return {"RUNNING_MODAL"} if _is_held_back(context, event) else {"PASS_THROUGH"}
+        is_key = event.type not in _BUTTONS and wait.job.keys_pass
+        is_held_back = not is_key and _is_held_back(context, event)
+        return {"RUNNING_MODAL"} if is_held_back else {"PASS_THROUGH"}
 
     def tell(self, kind: str, text: str) -> None:
         """Report the end: ``INFO``, ``WARNING`` or ``ERROR``."""
@@ -278,6 +290,18 @@ def _settled() -> None:
 def is_scene_read() -> bool:
     """Whether Blender renders or bakes, so that nothing may be written."""
     return any(bpy.app.is_job_running(kind) for kind in _READ_BY_OTHERS)
+
+
+def is_artist_busy() -> bool:
+    """Whether a modal operator that is no run is under way, or an animation is played."""
+    for window in bpy.context.window_manager.windows:
+        others = [each.bl_idname for each in getattr(window, "modal_operators", ())]
+        for wait in _waits:
+            if not wait.is_forsaken and wait.operator.bl_idname in others:
+                others.remove(wait.operator.bl_idname)
+        if others or window.screen.is_animation_playing:
+            return True
+    return False
 
 
 def _is_held_back(context: bpy.types.Context, event: bpy.types.Event) -> bool:

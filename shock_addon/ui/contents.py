@@ -77,7 +77,7 @@ def draw_maps(panel: Panel, context: bpy.types.Context) -> None:
     column = layout.column()
     column.enabled = not obstacle
     column.scale_y = 1.2
-    for from_selected, text in ((False, "Bake All"), (True, "Selected to Active")):
+    for from_selected, text in ((False, "Bake 3 Maps"), (True, "Selected to Active")):
         row = column.row()
         if from_selected:
             row.context_pointer_set(FROM_SELECTED, context.scene)
@@ -166,6 +166,8 @@ def draw_statistics(
             _draw_value(column, text, f"{number:,}")
     if not counts.size:
         column.label(text="Nothing to work on.")
+    elif said := statistics.basis(context, mode, settings):
+        draw_text(column, context, said)
     last = statistics.last_run(mode, settings)
     if last is not None:
         column.separator()

@@ -3,7 +3,8 @@
 
 Each file in ``locale/`` is named after Blender's code of a language and maps the English texts
 of the interface to those of the language. Texts that Blender knows itself are shown in Blender's
-words, where it has them. Only the language in use is read.
+words, where it has them, but for properties whose translation context is `OWN_WORDS`. Only the
+language in use is read.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from pathlib import Path
 
 import bpy
 from bpy.app.handlers import persistent
+
+from ..operators.properties import OWN_WORDS
 
 _FOLDER = Path(__file__).parent / "locale"
 
@@ -28,7 +31,8 @@ def table(language: str) -> dict[tuple[str, str], str]:
     -------
     dict
         Texts by ``(context, English)``; empty if there is no file for the language. Blender looks
-        up labels of buttons in another context than all other texts.
+        up labels of buttons in another context than all other texts, and never finds its own words
+        in that of `OWN_WORDS`.
     """
     path = _FOLDER / f"{language}.json"
     if not path.is_file():
@@ -39,7 +43,7 @@ def table(language: str) -> dict[tuple[str, str], str]:
     return {
         (context, english): text
         for english, text in json.loads(path.read_text(encoding="utf-8")).items()
-        for context in (contexts.default, contexts.operator_default)
+        for context in (contexts.default, contexts.operator_default, OWN_WORDS)
     }
 
 

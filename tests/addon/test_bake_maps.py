@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests of Bake Maps: of objects themselves, and of detailed ones onto a simple one."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
+from shock_filter.shock_addon.data import skipped
 from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import generating
 from shock_filter.shock_addon.running import jobs
+from shock_filter.shock_addon.ui import translations
 
 SIZE = 256
 
@@ -50,7 +55,16 @@ def test_all_maps_of_an_object_have_names_that_others_know(low):
     nodes = low.active_material.node_tree.nodes
     assert {node.image.name for node in nodes if node.type == "TEX_IMAGE"} == names
     assert not nodes["Principled BSDF"].inputs["Base Color"].is_linked
-    assert operators.summaries["maps"].startswith("Baked 3 maps of Low, ")
+    said = "Baked 3 maps of Low: Curvature, Occlusion, Thickness; "
+    assert operators.summaries["maps"].startswith(said)
+
+
+def test_each_button_says_before_the_press_what_it_bakes():
+    """The label counts the maps that the tooltip names."""
+    about = generating.SHOCK_FILTER_OT_bake_maps.description
+    own, onto = (about(bpy.context, SimpleNamespace(from_selected=each)) for each in (False, True))
+    assert "curvature, occlusion and thickness of all selected mesh objects" in own
+    assert "onto the active one: normals, height, curvature" in onto
 
 
 def test_a_detailed_object_comes_onto_the_active_one(low, select):
@@ -144,7 +158,7 @@ def test_the_report_is_short_and_no_warning(low, select, monkeypatch):
     assert bake(from_selected=True, cage=0.5) == {"FINISHED"}
     assert kinds == ["INFO"]
     said = operators.summaries["maps"]
-    assert len(said) < 120 and "\n" not in said
+    assert len(said) < 130 and "\n" not in said
     assert "Low had no material" in said
     folded = operators.details_of(bpy.context, "maps")
     assert "white is 50 cm above" in folded and " m" in folded.split("radius of")[1]
@@ -181,8 +195,22 @@ def test_objects_that_share_a_map_are_not_called_filtered(low, select):
     select(low, other)
     assert bake(maps={"curvature"}) == {"FINISHED"}
     said = operators.summaries["maps"]
-    assert "4 faces overlap in the texture, which holds the values of the first." in said
+    assert "Faces that overlap in the texture, which holds the values of the first: 4." in said
     assert "filtered" not in said
+
+
+@pytest.mark.parametrize("language", ["de_DE", "ja_JP"])
+def test_what_is_said_of_the_uv_map_is_translated(low, select, monkeypatch, language):
+    table = translations.table(language)
+    monkeypatch.setattr(skipped, "pgettext_rpt", lambda text: table.get(("*", text), text))
+    other = grid("Other", 1)
+    bpy.context.view_layer.update()
+    select(low, other)
+    assert bake(maps={"curvature"}) == {"FINISHED"}
+    said = operators.summaries["maps"]
+    assert "overlap" not in said
+    sentence = "Faces that overlap in the texture, which holds the values of the first: {count}."
+    assert table["*", sentence].format(count=4) in said
 
 
 def test_what_is_missing_is_said(low):

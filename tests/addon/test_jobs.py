@@ -211,6 +211,40 @@ def test_keys_and_clicks_are_held_back_but_not_in_the_sidebar(context):
     operator.modal(context, ESC)
 
 
+def test_keys_pass_beside_an_auto_update_whose_result_waits_for_what_they_do(context):
+    operator = Operator()
+    operator.run_job(context, lambda progress: 42)
+    job = jobs.current()
+    job.keys_pass, job.is_welcome = True, lambda: False
+    for held in (press("LEFTMOUSE"), press("RIGHTMOUSE"), press("PEN")):
+        assert operator.modal(context, held) == {"RUNNING_MODAL"}
+    for passed in (press("G"), press("F3"), press("LEFTMOUSE", 900, 100)):
+        assert operator.modal(context, passed) == {"PASS_THROUGH"}
+    job.wait()
+    assert operator.modal(context, TIMER) == {"PASS_THROUGH"} and operator.outcome is None
+    assert "render" not in (context.window.workspace.status or "")
+    job.is_welcome = lambda: True
+    assert operator.modal(context, TIMER) == {"FINISHED"}
+    assert operator.outcome == 42
+
+
+def test_a_drag_makes_the_artist_busy_and_a_run_does_not(context):
+    operator = Operator()
+    operator.bl_idname = "SHOCK_FILTER_OT_sharpen_geometry"
+    operator.run_job(context, waiting_work)
+    windows = context.window_manager.windows
+    for window in windows:
+        window.screen.is_animation_playing = False
+    windows[0].modal_operators = [SimpleNamespace(bl_idname=operator.bl_idname)]
+    assert not jobs.is_artist_busy()
+    windows[1].modal_operators = [SimpleNamespace(bl_idname="TRANSFORM_OT_translate")]
+    assert jobs.is_artist_busy()
+    windows[1].modal_operators = []
+    windows[1].screen.is_animation_playing = True
+    assert jobs.is_artist_busy()
+    operator.cancel(context)
+
+
 def test_esc_answers_at_once_and_stops_the_thread(context):
     may_end = threading.Event()
 

@@ -476,6 +476,41 @@ def test_copies_update_themselves_when_they_may(joined_cubes, tmp_path, monkeypa
     assert automatic.due() == [copy]
 
 
+def test_another_mode_or_an_undo_ends_an_update(joined_cubes, monkeypatch):
+    sharpen(output="LIVE")
+    copy = bpy.context.object
+    asked = []
+    job = SimpleNamespace(cancel=lambda: asked.append("cancel"))
+    monkeypatch.setattr(automatic.jobs, "current", lambda: job)
+    monkeypatch.setattr(automatic, "_updated", copy.session_uid)
+    monkeypatch.setattr(automatic, "_refused", {copy.session_uid})
+    monkeypatch.setattr(automatic, "_undone", -10.0)
+    automatic._note_job()
+    assert job.keys_pass
+    automatic._look()
+    assert not asked and job.is_welcome()
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert not job.is_welcome()
+    automatic._look()
+    assert asked == ["cancel"] and not automatic._refused  # it comes again
+    bpy.ops.object.mode_set(mode="OBJECT")
+    automatic.wait()
+    assert asked == ["cancel"] * 2
+
+
+def test_a_result_waits_until_the_last_change_was_looked_at(joined_cubes, monkeypatch):
+    """The change may have put it out of date, and then ends the update."""
+    _, operand = joined_cubes
+    sharpen(output="LIVE")
+    automatic._look()
+    assert automatic._is_welcome()
+    operand.location.x = 0.7
+    bpy.context.view_layer.update()
+    assert not automatic._is_welcome()
+    automatic._look()
+    assert automatic._is_welcome()
+
+
 def test_a_change_meanwhile_ends_an_update(joined_cubes, monkeypatch):
     _, operand = joined_cubes
     sharpen(output="LIVE")

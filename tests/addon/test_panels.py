@@ -82,6 +82,7 @@ def context_in(space="VIEW_3D", image=None, width=280):
     return SimpleNamespace(
         space_data=SimpleNamespace(type=space, image=image),
         scene=bpy.context.scene,
+        view_layer=bpy.context.view_layer,
         object=bpy.context.object,
         mode=bpy.context.mode,
         selected_objects=bpy.context.selected_objects,
@@ -431,7 +432,7 @@ def test_the_image_editor_says_nothing_of_other_images(rounded_box):
         bpy.data.images.new(name, 8, 8)
     bpy.ops.shock_filter.sharpen_image(image="Photo")
     main = panels.SHOCK_FILTER_PT_image_main
-    text = " ".join(report_of(draw(main, bpy.data.images["Photo sharpened"])))
+    text = " ".join(report_of(draw(main, bpy.data.images["Photo"])))
     assert text == operators.summaries["image"]
     assert report_of(draw(main, bpy.data.images["Other"])) == []
 
@@ -599,7 +600,10 @@ def test_painting_where_says_what_to_paint_with(rounded_box):
     hint = "paint with 0 where the mesh"
     assert hint not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
     bpy.ops.shock_filter.paint_live()
-    assert hint in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    drawn = draw(panels.SHOCK_FILTER_PT_main)
+    assert hint in " ".join(words(drawn, "label"))
+    assert ("operator", "Done Painting") in drawn
+    assert ("shock_filter.paint_live",) not in words(drawn, "operator")
     bpy.context.object.vertex_groups.new(name="Other")
     bpy.context.object.vertex_groups.active_index = 1
     assert hint not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
@@ -624,6 +628,8 @@ def test_a_live_texture_has_its_amount_and_says_what_to_paint_with(wood):
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     assert hint in " ".join(words(drawn, "label"))
     assert "Will sharpen: Wood" in words(drawn, "label")  # not the mask
+    done = words(drawn, "set")[words(drawn, "operator").index("Done Painting")]
+    assert done.mode == "OBJECT"
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
@@ -637,7 +643,7 @@ def test_selected_to_active_says_why_it_is_gray(rounded_box, select):
             if len(objects) == 1:
                 with pytest.raises(RuntimeError, match="and last the one to bake onto"):
                     bake(from_selected=True)
-        assert bake.poll()  # scripts and Bake All
+        assert bake.poll()  # scripts and Bake 3 Maps
 
 
 def test_link_is_offered_while_a_generated_image_waits(rounded_box, monkeypatch):
@@ -660,7 +666,7 @@ def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypa
     monkeypatch.setattr(operators, "summary_of", lambda _, key: f"Report of {key}.")
     monkeypatch.setattr(operators, "details_of", lambda _, key: f"Folded of {key}.")
     drawn = draw(cls)
-    assert words(drawn, "operator") == ["Bake All", "Selected to Active"]
+    assert words(drawn, "operator") == ["Bake 3 Maps", "Selected to Active"]
     said = words(drawn, "label")
     assert "Report of maps." in said and "Details" in said and "Folded of maps." not in said
     unfolded = Layout()
@@ -671,7 +677,7 @@ def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypa
         "current",
         lambda: SimpleNamespace(fraction=0.5, message="Baking maps", quiet_until=0.0),
     )
-    assert "Bake All" not in words(draw(cls), "operator")
+    assert "Bake 3 Maps" not in words(draw(cls), "operator")
 
 
 def test_the_report_of_generate_is_below_its_button_not_below_its_settings(
@@ -711,6 +717,14 @@ def test_statistics_count_and_say_how_fast_the_last_run_was(rounded_box):
     assert drawn[::2] == ["Last Run", "Speed"]
     assert drawn[1].endswith((" s", " min"))
     assert drawn[3].endswith(" a second")
+
+
+def test_statistics_say_whether_modifiers_count(rounded_box):
+    box = rounded_box(cuts=1)
+    box.modifiers.new("Fine", "SUBSURF").levels = 1
+    bpy.context.view_layer.update()
+    drawn = words(draw(bpy.types.SHOCK_FILTER_PT_statistics), "label")
+    assert drawn[3] == "98" and "Counted with modifiers" in " ".join(drawn[6:])
 
 
 def test_texture_paint_mode_has_the_menu_in_its_header(rounded_box):
@@ -1111,6 +1125,19 @@ def test_keep_takes_what_the_field_shows_after_a_live_copy_was_updated():
     assert f"({settings.widest_fillet:.4g} edge length" in second.said
     bpy.ops.shock_filter.sharpen_geometry(output="LIVE", widest_fillet=settings.widest_fillet)
     assert keeping.found_by(bpy.context, "geometry", "widest_fillet") is None
+
+
+def test_what_auto_chose_stays_while_creases_and_flows_are_shown(rounded_box, select):
+    box = rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry()
+    chosen = keeping.found_by(bpy.context, "geometry", "widest_fillet")
+    select(rounded_box(location=(4, 0, 0)))
+    assert bpy.ops.shock_filter.show_creases() == {"FINISHED"}
+    assert keeping.found_by(bpy.context, "geometry", "widest_fillet") is None  # of another object
+    select(box)
+    for show in ("show_creases", "mark_creases", "show_flow"):
+        assert getattr(bpy.ops.shock_filter, show)() == {"FINISHED"}
+        assert keeping.found_by(bpy.context, "geometry", "widest_fillet") is chosen is not None
 
 
 def test_every_mode_has_a_button_or_a_panel_of_its_own():

@@ -97,9 +97,9 @@ def test_time_zero_changes_no_bit_of_any_kind(kind, packed):
     assert bits(photo) == before
     assert state_of(photo) == state
     sharpen(image="Photo", time=0.0)
-    result = bpy.data.images["Photo sharpened"]
-    assert bits(result) == before
-    assert state_of(result) == packed_state(photo)
+    assert (bits(photo), state_of(photo), bpy.data.images.keys()) == (before, state, ["Photo"])
+    sharpen(image="Photo", time=1.0)
+    assert state_of(bpy.data.images["Photo sharpened"]) == packed_state(photo)
 
 
 def packed_state(image):
@@ -130,6 +130,24 @@ def test_a_second_press_that_changes_nothing_leaves_no_copy():
     # With something to change there is one.
     assert sharpen(image="Photo sharpened", what="photo", width=8.0) == {"FINISHED"}
     assert sorted(bpy.data.images.keys())[2:] == ["Photo sharpened.001"]
+
+
+def test_a_second_press_on_the_same_image_makes_no_equal_copy():
+    photo = add()
+    before = bits(photo)
+    assert sharpen(image="Photo", amount=0.0) == {"FINISHED"}
+    said = operators.summaries["image"]
+    assert said.startswith("Nothing in Photo has changed, so no copy was made: 960 pixels")
+    assert (bits(photo), bpy.data.images.keys()) == (before, ["Photo"])
+    for press in range(2):
+        assert sharpen(image="Photo") == {"FINISHED"}
+        assert bpy.data.images.keys() == ["Photo", "Photo sharpened"]
+        said = "Photo sharpened held the same already, so no copy was made."
+        assert (said in operators.summaries["image"]) == (press == 1)
+    # What the artist has painted on since is none.
+    bpy.data.images["Photo sharpened"].pixels[0] = 0.25
+    sharpen(image="Photo")
+    assert bpy.data.images.keys() == ["Photo", "Photo sharpened", "Photo sharpened.001"]
 
 
 def test_all_bytes_survive():

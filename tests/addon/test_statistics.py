@@ -48,6 +48,39 @@ def test_empty_meshes_do_not_count(rounded_box, select):
     assert count("geometry") == Counts(meshes=1, vertices=26, faces=24)
 
 
+def basis(mode):
+    return statistics.basis(bpy.context, find(mode), settings_of(mode))
+
+
+def test_what_is_filtered_counts_and_the_panel_says_whether_with_modifiers(rounded_box, select):
+    """Auto takes what is seen below a Subdivision; Mesh, and colors, what is below it."""
+    box = rounded_box(cuts=1)
+    assert basis("geometry") == ""
+    box.modifiers.new("Fine", "SUBSURF").levels = 1
+    bpy.context.view_layer.update()
+    assert count("geometry") == Counts(meshes=1, vertices=98, faces=96)
+    assert "with modifiers, as it is seen" in basis("geometry")
+    settings_of("geometry").output = "MESH"
+    for mode in ("geometry", "colors"):
+        assert count(mode) == Counts(meshes=1, vertices=26, faces=24)
+        assert "without modifiers" in basis(mode)
+    settings_of("geometry").output = "AUTO"
+    other = rounded_box(cuts=1)
+    other.modifiers.new("Bend", "SIMPLE_DEFORM")
+    select(box, other)
+    assert count("geometry") == Counts(meshes=2, vertices=98 + 26, faces=96 + 24)
+    assert "where new objects are made" in basis("geometry")
+
+
+def test_a_live_copy_counts_what_its_source_shows(rounded_box):
+    box = rounded_box(cuts=1)
+    box.modifiers.new("Fine", "SUBSURF").levels = 1
+    bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+    assert bpy.context.object != box
+    assert count("geometry").vertices == 98
+    assert basis("geometry") == ""
+
+
 def test_images_count_their_pixels():
     image = bpy.data.images.new("Photo", 30, 20)
     editor = SimpleNamespace(type="IMAGE_EDITOR", image=image)
@@ -102,6 +135,6 @@ class Elements:
 def test_counting_does_not_read_the_mesh(mode):
     parts = {"vertices": Elements(1_000_000), "polygons": Elements(2_000_000)}
     mesh = SimpleNamespace(session_uid=1, is_editmode=False, **parts)
-    obj = SimpleNamespace(type="MESH", data=mesh)
+    obj = SimpleNamespace(type="MESH", data=mesh, modifiers=[])
     context = SimpleNamespace(mode="OBJECT", selected_objects=[obj], object=obj, space_data=None)
     assert count(mode, context) == Counts(meshes=1, vertices=1_000_000, faces=2_000_000)

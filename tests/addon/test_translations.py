@@ -104,6 +104,16 @@ def test_blender_finds_words_on_buttons_and_all_others():
             assert table["*", english] == table["Operator", english] == text
 
 
+def test_the_choice_of_creases_has_the_word_of_the_buttons_in_each_language():
+    """Blender has a word of its own for Creases, such as Falte/Rille, which the context avoids."""
+    where = bpy.context.scene.shock_filter.geometry.bl_rna.properties["where"]
+    assert "Creases" in [item.name for item in where.enum_items]
+    assert where.translation_context not in {"*", "Operator"}
+    for path in FILES:
+        word = translations.table(path.stem)[where.translation_context, "Creases"]
+        assert word.lower() in read(path)["Show Creases"].lower()
+
+
 def test_only_the_language_in_use_is_handed_over(monkeypatch):
     tables = {}
     fake = SimpleNamespace(

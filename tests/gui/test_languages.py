@@ -24,6 +24,10 @@ def test_no_text_stays_english(report):
     assert {language: texts for language, texts in report["english"].items() if texts} == {}
 
 
+def test_blender_has_no_words_of_its_own_where_ours_are_wanted(report):
+    assert report["foreign"] == []
+
+
 @pytest.mark.parametrize("language", ["de_DE", "ja_JP", "zh_HANS"])
 def test_tab_is_translated(report, language):
     assert report["changed_pixels"][language] > 300

@@ -161,11 +161,12 @@ UNITS = "pixels", "texels", "edge lengths"
 
 
 def texts_of_findings():
-    """List what the core reports of its runs, in files that use `tell`: whole sentences."""
+    """List what the core reports of its runs, in files that tell or make them: whole sentences."""
     for path, tree in code():
         parts = path.relative_to(ROOT).parts
         imports = (node for node in tree.body if isinstance(node, ast.ImportFrom))
-        if "core" in parts and any(a.name == "tell" for node in imports for a in node.names):
+        names = {each.name for node in imports for each in node.names}
+        if "core" in parts and names & {"tell", "Finding"}:
             raised = [node for node in ast.walk(tree) if isinstance(node, ast.Raise)]
             errors = {id(part) for node in raised for part in ast.walk(node)}
             for node in ast.walk(tree):

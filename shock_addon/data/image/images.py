@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,25 +128,78 @@ def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
         image.pack()
 
 
-def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) -> bpy.types.Image:
+def add_or_reuse(
+    source: bpy.types.Image,
+    suffix: str,
+    used: str,
+    parts: Tiles,
+    may_stand: Callable[[bpy.types.Image], bool],
+) -> tuple[bpy.types.Image, bool]:
     """Write the parts into an image like `source`.
 
     This is the image named `used` if it fits and still holds what an earlier run wrote. Otherwise,
-    it is a new one, named after `source` with the suffix. It is packed, because Blender does not
+    it is one that a run has written under the same name, equals the result and may stand for it, or
+    else a new one, named after `source` with the suffix. It is packed, because Blender does not
     save pixels that are neither in the blend file nor in a file.
+
+    Returns
+    -------
+    image : bpy.types.Image
+    was_there : bool
+        Whether an equal one stands for the result.
     """
-    image = bpy.data.images.get(used)
-    fits = image is not None and image != source and _is_like(image, source, parts)
-    if fits and is_as_written(image):
+    name = name_with(source.name, suffix)
+    if is_reusable(source, used, parts):
+        image = bpy.data.images[used]
         write_parts(image, parts, pack=True)
-    elif source.source == "TILED":
-        image = new_tiled_like(source, name_with(source.name, suffix), parts)
+        note_written(image)
+        return image, False
+    if source.source == "TILED":
+        image = new_tiled_like(source, name, parts)
     else:
         height, width = parts[UNTILED].shape[:2]
-        image = new_like(source, name_with(source.name, suffix), (width, height))
+        image = new_like(source, name, (width, height))
         write_parts(image, parts, pack=True)
-    _written[image.session_uid] = digest_of(image)
-    return image
+    note_written(image)
+    for other in bpy.data.images:
+        is_written = other not in (image, source) and other.session_uid in _written
+        is_named = re.sub(_NUMBER, "", other.name) == name
+        if is_written and is_named and may_stand(other) and _are_equal(other, image):
+            del _written[image.session_uid]
+            bpy.data.images.remove(image)
+            return other, True
+    return image, False
+
+
+def is_reusable(source: bpy.types.Image, used: str, parts: Tiles) -> bool:
+    """Whether a result for an image can be written into the image named `used`."""
+    image = bpy.data.images.get(used)
+    fits = image is not None and image != source and _is_like(image, source, parts)
+    return fits and is_as_written(image)
+
+
+def _are_equal(image: bpy.types.Image, other: bpy.types.Image) -> bool:
+    kinds = [
+        (each.is_float, each.source, each.alpha_mode, each.depth, each.colorspace_settings.name)
+        for each in (image, other)
+    ]
+    written = _written[image.session_uid] == _written[other.session_uid]
+    return kinds[0] == kinds[1] and written and is_as_written(image)
+
+
+def differ(image: bpy.types.Image, old: Tiles, new: Tiles) -> bool:
+    """Whether an image that holds one of these would show anything else with the other."""
+    if sizes_of(old) != sizes_of(new):
+        return True
+    levels = 0 if image.is_float else 255
+    return any(
+        not np.array_equal(_stored(old[number], levels), _stored(new[number], levels), True)
+        for number in old
+    )
+
+
+def _stored(pixels: npt.NDArray[np.float32], levels: int) -> npt.NDArray[np.float32]:
+    return np.rint(pixels * np.float32(levels)).clip(0, levels) if levels else pixels
 
 
 def keep(image: bpy.types.Image) -> None:
@@ -157,12 +210,6 @@ def keep(image: bpy.types.Image) -> None:
     users = bpy.data.user_map(subset={image})[image]
     if all(isinstance(user, bpy.types.Screen | bpy.types.Scene) for user in users):
         image.use_fake_user = True
-
-
-def is_result(image: bpy.types.Image, suffix: str) -> bool:
-    """Whether an image was written by a run, in this session or, by its name, in another."""
-    unnumbered = re.sub(_NUMBER, "", image.name)
-    return image.session_uid in _written or unnumbered.endswith(f" {suffix}")
 
 
 def name_with(old: str, suffix: str) -> str:

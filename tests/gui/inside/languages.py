@@ -37,12 +37,17 @@ def scenario() -> Steps:
     files = (Path(translations.__file__).parent / "locale").glob("*.json")
     tables = {file.stem: translations.table(file.stem) for file in sorted(files)}
     report["unknown"] = sorted(set(tables) - set(bpy.app.translations.locales))
-    report["english"], report["changed_pixels"] = {}, {}
+    report["english"], report["changed_pixels"], report["foreign"] = {}, {}, []
     view = bpy.context.preferences.view
     view.use_translate_interface = view.use_translate_tooltips = True
     for language, table in tables.items():
         view.language = language
         report["english"][language] = _not_found(table)
+        report["foreign"] += [
+            word
+            for (context, english), word in table.items()
+            if context == translations.OWN_WORDS and pgettext_iface(english, context) != word
+        ]
         if language in PICTURED:
             yield 2 * DRAWN
             picture(f"in-{PICTURED[language]}", region("VIEW_3D", "UI"))
