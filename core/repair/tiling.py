@@ -21,6 +21,9 @@ that size: steep borders beside a joint make no steeper joint."""
 _BEND_RADIUS, _BEND_ENDS = 2.0, 24
 """How far changes of the slope at a joint reach, and where they end, in pixels."""
 
+_LINES = 256
+"""At least so many lines across the joint, if there are, tell what is usual."""
+
 _EVEN = 0.85
 """Share of the arithmetic mean in the slope at the joint; the rest is harmonic."""
 
@@ -126,6 +129,7 @@ class _Joint:
         count, along = shape[axis], shape[1 - axis]
         self._mirrored = 1 - axis not in joined
         self._along = along
+        self._seldom = max(along // _LINES, 1)
         self._length = 2 * along if self._mirrored else along
         waves = 2.0 * np.sin(np.pi * np.fft.rfftfreq(self._length))
         rates = np.sqrt(waves**2 + radius**-2.0)[:, None]
@@ -138,12 +142,12 @@ class _Joint:
 
     def change(self, image: Floats) -> Floats:
         lines = np.moveaxis(image, self._axis, 1)
-        first, last = lines[:, 0], lines[:, -1]
-        after, before = lines[:, 1] - first, last - lines[:, -2]
         steps = np.diff(lines, axis=1)
-        slope = _usual(_slope(after, before), steps)
-        found = self._spread(first - last - slope, self._factors)
-        bends = np.diff(steps, axis=1)
+        bends = np.diff(steps[:: self._seldom], axis=1)
+        slope = _usual(_slope(steps[:, 0], steps[:, -1]), steps[:: self._seldom])
+        found = self._spread(lines[:, 0] - lines[:, -1] - slope, self._factors)
+        after = steps[:, 0] + found[:, 1] - found[:, 0]
+        before = steps[:, -1] + found[:, -1] - found[:, -2]
         reach = self._bends.shape[1]
         found[:, :reach] += self._spread(slope + _usual(after - slope, bends) - after, self._bends)
         turned = self._spread(before - slope + _usual(slope - before, bends), self._bends)

@@ -127,3 +127,11 @@ def test_pictures_of_tiles_are_small_and_have_colors():
     gray = np.linspace(0.0, 1.0, 100 * 200).reshape(100, 200)
     assert repeated(gray, size=50).shape == (75, 150, 3)
     assert repeated(gray[..., None].repeat(2, axis=2), "x", size=500).shape == (100, 600, 3)
+
+
+def test_steep_borders_beside_a_joint_turn_within_a_few_pixels():
+    rng = np.random.default_rng(3)
+    image = 0.5 + 0.1 * ndimage.gaussian_filter(rng.normal(size=(96, 128)), 3.0)
+    image[:, :3] += 0.2 * np.linspace(1.0, 0.0, 3) * rng.choice([-1.0, 1.0], (24, 1)).repeat(4, 0)
+    steps, slopes = joints(core.make_tileable(image, core.TileSettings(axes="x")), "x")
+    assert steps < 1.0 and slopes < 1.0
