@@ -40,6 +40,13 @@ def test_keep_takes_what_the_field_shows_after_an_auto_update(report):
     assert kept == pytest.approx(shown) and shown > 0.0
 
 
+def test_keys_work_during_an_update_whose_result_waits_for_a_drag(report):
+    seen = report["keys"]
+    assert seen["dragged"] and seen["during"]
+    assert seen["waited"] and seen["ended"]
+    assert seen["followed"] and seen["state"] == "fresh"
+
+
 def test_undo_and_redo_bring_back_each_state(report):
     seen = report["undone"]
     assert len(seen["undo"]) == len(seen["redo"]) == 20

@@ -22,6 +22,7 @@ from harness import (
     over,
     park,
     picture,
+    press_key,
     region,
     report,
     run,
@@ -43,6 +44,7 @@ def scenario() -> Steps:
     yield from park()
     yield from make_copy()
     yield from follow(operand.name)
+    yield from press_keys(operand.name)
     yield from paint()
     yield from undo_and_redo()
     yield from reopen()
@@ -134,6 +136,42 @@ def follow(name: str) -> Steps:
     seen["kept"] = keep(bpy.data.objects[copy])
     yield DRAWN
     picture("live-followed", area("VIEW_3D"), width=1400)
+
+
+def press_keys(name: str) -> Steps:
+    """Press G during an update, which drags another object: the result waits for the end of it."""
+    seen = report["keys"] = {}
+    copy = bpy.data.objects[report["made"]["name"]]
+    bpy.ops.object.empty_add(location=(0.0, 0.0, 3.0))
+    empty = bpy.context.object
+    yield from park()
+    yield 1.5  # the new object is no change of the source
+    mesh = copy.data.session_uid
+    bpy.data.objects[name].location.x += 0.05
+    bpy.context.view_layer.update()
+    for _ in range(200):
+        if addon("running.jobs").current() is not None:
+            break
+        yield 0.01
+    press_key("g")
+    yield 0.1
+    seen["dragged"] = dragged()
+    seen["during"] = addon("running.jobs").current() is not None
+    yield 3.0
+    seen["waited"] = copy.data.session_uid == mesh and bool(dragged())
+    press_key("Escape")
+    yield DRAWN
+    yield from finished()
+    seen["ended"], seen["followed"] = not dragged(), copy.data.session_uid != mesh
+    seen["state"] = live().state(copy)
+    bpy.data.objects.remove(empty)
+    bpy.context.view_layer.objects.active = copy
+
+
+def dragged() -> list[str]:
+    """List the drags that are under way."""
+    found = bpy.context.window_manager.windows[0].modal_operators
+    return [each.bl_idname for each in found if each.bl_idname.startswith("TRANSFORM_OT")]
 
 
 def first_draw(name: str) -> list[float]:
