@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import checked_indices
+from ..base.parallel import kernel, run
+from ..base.vectors import after
 from ..errors import InvalidSignal
 from .triangle_mesh import TriangleMesh
 
@@ -33,19 +35,21 @@ def half_edges_between(mesh: TriangleMesh, pairs: npt.NDArray[np.int64]) -> tupl
     joined : (k,) bool
         The pairs that an edge joins.
     """
-    ends = np.stack([mesh.faces, mesh.faces[:, (1, 2, 0)]], axis=-1)
-    keys, wanted = (
-        each.min(axis=-1) * np.int64(mesh.vertex_count) + each.max(axis=-1)
-        for each in (ends, pairs)
-    )
-    half = _among(keys, wanted)
-    return half, np.isin(wanted, keys[half])
+    half = np.zeros(mesh.faces.shape, dtype=np.bool_)
+    joined = np.zeros(len(pairs), dtype=np.bool_)
+    run(_find, len(pairs), pairs, mesh.faces, *mesh.corners, half, joined)
+    return half, joined
 
 
-def _among(keys: npt.NDArray[np.int64], wanted: npt.NDArray[np.int64]) -> _Bools:
-    # As `np.isin`, which sorts all keys, where few are wanted.
-    known = np.unique(wanted)
-    if len(known) == 0:
-        return np.zeros(keys.shape, dtype=bool)
-    places = np.searchsorted(known, keys)
-    return known[np.minimum(places, len(known) - 1)] == keys
+@kernel
+def _find(start, stop, pairs, faces, corner_start, corners, half, joined):
+    # Among the faces around the first vertex.
+    for i in range(start, stop):
+        v, w = pairs[i, 0], pairs[i, 1]
+        for c in range(corner_start[v], corner_start[v + 1]):
+            f = corners[c] // 3
+            k = corners[c] - 3 * f
+            if faces[f, after(k)] == w:
+                half[f, k] = joined[i] = True
+            if faces[f, after(after(k))] == w:
+                half[f, after(after(k))] = joined[i] = True

@@ -137,16 +137,16 @@ def _drop_doubles(
     # Bridges enclose small regions, too: joins these, but where a line would end.
     before, inner = chosen.copy(), degrees > 1
     _join_small_regions(mesh, normals, turns, chosen)
-    missing = before & ~chosen
+    face, side = np.nonzero(before & ~chosen)
+    ends = mesh.faces[face, side], mesh.faces[face, (side + 1) % 3]
     while True:
         degrees[:] = 0
         run_in_order(_count_edges, mesh.face_count, mesh.faces, chosen, degrees)
-        ends = (inner & (degrees == 1))[mesh.faces]
-        back = missing & (ends | ends[:, (1, 2, 0)])
+        ending = inner & (degrees == 1)
+        back = ~chosen[face, side] & (ending[ends[0]] | ending[ends[1]])
         if not back.any():
             return
-        chosen |= back
-        missing &= ~back
+        chosen[face[back], side[back]] = True
 
 
 def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, chosen: Bools) -> None:

@@ -205,8 +205,9 @@ def crisp_low_poly(
 
 def _lines_at(faces: Ints, held: Bools, count: int) -> Ints:
     # How many held edges meet at each vertex; more than 2 where some edge has three faces.
-    begin, end = faces, faces[:, (1, 2, 0)]
-    keys = np.minimum(begin, end) * np.int64(count) + np.maximum(begin, end)
+    begin = faces.astype(np.int64)  # numpy 1 would multiply with 32 bits
+    end = begin[:, (1, 2, 0)]
+    keys = np.minimum(begin, end) * count + np.maximum(begin, end)
     keys, counts = np.unique(keys[held], return_counts=True)
     ends = np.concatenate(np.divmod(keys, count))
     return np.bincount(ends, np.tile(np.where(counts > 2, 9, 1), 2), count).astype(np.int32)

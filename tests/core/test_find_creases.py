@@ -5,9 +5,11 @@ import numpy as np
 import parts
 import pytest
 from scipy.spatial import cKDTree
-from shapes import cube, icosphere, rotation, shuffled
+from shapes import cube, grid, icosphere, rotation, shuffled
 from shock_filter import core
 from shock_filter.core.mesh.calculus import smooth_vertices
+from shock_filter.core.mesh.edges import half_edges_between
+from shock_filter.core.shape import low_poly
 from shock_filter.core.shape.crease_lines import closing_creases
 
 CRISP = "closes", "sharp"
@@ -174,3 +176,28 @@ def test_those_that_close_are_found_alone(in_order):
     wanted = [line.vertices.tolist() for line in crisp(lines)]
     assert 0 < len(wanted) < len(lines)
     assert [line.vertices.tolist() for line in alone] == wanted
+
+
+def test_edges_of_large_meshes_are_found():
+    # From 46,341 vertices on, the product of two of their numbers needs more than 32 bits.
+    vertices, faces = grid(219, 219)
+    mesh = core.TriangleMesh(vertices, faces)
+    assert mesh.vertex_count > 46341
+    rng = np.random.default_rng(0)
+    half = rng.random(faces.shape) < 0.3
+    begin, end = (mesh.faces[:, k][half] for k in ((0, 1, 2), (1, 2, 0)))
+    pairs = np.concatenate([np.stack([end, begin], axis=1), [[0, 48000]]]).astype(np.int64)
+    wanted = half.copy()
+    twins = mesh.twins[half]
+    wanted.reshape(-1)[twins[twins >= 0]] = True
+    found, joined = half_edges_between(mesh, pairs)
+    assert (found == wanted).all()
+    assert joined[:-1].all() and not joined[-1]
+
+
+def test_held_edges_of_large_meshes_are_counted():
+    faces = np.array([[99999, 99998, 5], [5, 99998, 60000]], dtype=np.int32)
+    held = np.array([[True, False, True], [False, True, False]])
+    degrees = low_poly._lines_at(faces, held, 100000)
+    assert np.flatnonzero(degrees).tolist() == [5, 60000, 99998, 99999]
+    assert degrees[[5, 60000, 99998, 99999]].tolist() == [1, 1, 2, 2]
