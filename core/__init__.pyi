@@ -156,6 +156,9 @@ from .shape.sharpening import (
     sharpen_geometry,
     sharpen_normals,
 )
+from .stitch.stitching import (
+    stitch_textures,
+)
 from .texture.denoising import (
     beltrami_texture,
 )
@@ -177,9 +180,6 @@ from .texture.patterns import (
 from .texture.sharpening import (
     dilate_texture,
     sharpen_texture,
-)
-from .texture.stitching import (
-    stitch_textures,
 )
 from .texture.streaks import (
     surface_line_convolution,

@@ -308,7 +308,7 @@ def _texture_solver() -> Any:
 
 
 def _stitch_textures() -> Any:
-    from .texture.stitching import stitch_textures
+    from .stitch.stitching import stitch_textures
 
     return stitch_textures
 
@@ -515,7 +515,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "stitch_textures",
-        "texture.stitching",
+        "stitch.stitching",
         _settings.StitchSettings,
         TEXTURE,
         "stitch-textures",

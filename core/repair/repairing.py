@@ -29,9 +29,9 @@ from ..settings import (
     TextureSettings,
     given_or_default,
 )
+from ..stitch.stitching import stitch_textures
 from ..texture.denoising import beltrami_texture
 from ..texture.sharpening import dilate_texture, sharpen_texture
-from ..texture.stitching import stitch_textures
 from ..texture.texels import Texture, check_content, checked_atlas, gathered, values_of
 from ..texture.textures_by_width import nodes_inside
 from .blocks import remove_blocks

@@ -7,7 +7,7 @@ from atlases import Blocks, sample
 from shapes import grid
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
-from shock_filter.core.texture import light
+from shock_filter.core.stitch import light
 
 
 def picture(n, channels=3):

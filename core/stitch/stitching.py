@@ -24,11 +24,9 @@ from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import StitchSettings, given_or_default
-from .light import share_of_factors
-from .normal_maps import checked_normals
-from .roughness import roughness_of_values
-from .seam_steps import clear_steps
-from .texels import (
+from ..texture.normal_maps import checked_normals
+from ..texture.roughness import roughness_of_values
+from ..texture.texels import (
     Texture,
     check_content,
     checked_atlas,
@@ -38,6 +36,8 @@ from .texels import (
     values_of,
     written,
 )
+from .light import share_of_factors
+from .seam_steps import clear_steps
 
 _Single = npt.NDArray[np.float32]
 
@@ -131,7 +131,7 @@ def stitch_textures(
     result differs from them by rounding.
 
     Not in the paper: of a step at a seam counts what stands out from the detail beside it (see
-    `texture.seam_steps`), so that fine textures without steps hardly change. And images that differ
+    `stitch.seam_steps`), so that fine textures without steps hardly change. And images that differ
     by factors, as in another light, are stitched as logarithms, where factors are steps. How far
     they differ so is seen at seams, and where two images are known: by whether one factor or one
     offset leaves less there. Where both leave about as much, both results are mixed.
