@@ -21,6 +21,9 @@ _DOUBT = 1.05, 1.1
 """Up to how many times more than offsets factors may leave to be taken, as they are more usual, and
 from where offsets are."""
 
+_EXACT = 1e-4
+"""Share of the floor up to which what offsets leave is rounding."""
+
 
 def share_of_factors(
     space: TextureSpace,
@@ -61,7 +64,7 @@ def share_of_factors(
             by_offsets += weight * left[0]
             by_factors += weight * left[1]
         rounding += (1.0 + _ALIKE) * floor * a.size
-    if not by_offsets > 0:
+    if not by_offsets > _EXACT * rounding:
         return 0.0
     times = (by_factors + rounding) / (by_offsets + rounding)
     return min(max((_DOUBT[1] - times) / (_DOUBT[1] - _DOUBT[0]), 0.0), 1.0)

@@ -118,6 +118,8 @@ def image_mode(kind: str, mode: str, operator: str, seen: dict) -> Steps:
     yield from park(kind)
     picture(mode if kind == "VIEW_3D" else f"image-editor-{mode}", area(kind))
     show_again(kind, shown)
+    for name in set(bpy.data.images.keys()) - before:  # it would stand for the same result
+        bpy.data.images.remove(bpy.data.images[name])
     yield DRAWN
     before_click = set(bpy.data.images.keys())
     yield from click(tallest(places))
