@@ -118,8 +118,7 @@ def image_mode(kind: str, mode: str, operator: str, seen: dict) -> Steps:
     yield from park(kind)
     picture(mode if kind == "VIEW_3D" else f"image-editor-{mode}", area(kind))
     show_again(kind, shown)
-    for name in set(bpy.data.images.keys()) - before:  # it would stand for the same result
-        bpy.data.images.remove(bpy.data.images[name])
+    remove_images(before)
     yield DRAWN
     before_click = set(bpy.data.images.keys())
     yield from click(tallest(places))
@@ -128,6 +127,7 @@ def image_mode(kind: str, mode: str, operator: str, seen: dict) -> Steps:
     seen["by_click"] = new_images(before_click)
     seen["originals"] = {name: pixels(bpy.data.images[name]) for name in before}
     show_again(kind, shown)
+    remove_images(before)
 
 
 def generated() -> Steps:
@@ -160,6 +160,12 @@ def show_again(kind: str, shown: str) -> None:
     bpy.data.materials["Coat"].node_tree.nodes.active.image = bpy.data.images["Coat"]
     if shown:
         area(kind).spaces.active.image = bpy.data.images[shown]
+
+
+def remove_images(before: set[str]) -> None:
+    """Remove the images that came since: they would stand for the next equal result."""
+    for name in set(bpy.data.images.keys()) - before:
+        bpy.data.images.remove(bpy.data.images[name])
 
 
 def new_images(before: set[str]) -> list[str]:
