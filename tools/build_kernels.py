@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).resolve().parent.parent
 PLACE = ROOT / ".kernels"
 RUNTIME = ROOT / "tools" / "kernels" / "runtime.c"
-KINDS = ["geometry", "colors", "flow"], ["image", "texture", "field"]
+KINDS = ["geometry", "colors", "flow", "image"], ["texture", "field"]
 """Kinds of data for each process of the harvest: few kernels twice."""
 
 LONG_AGO = (1980, 1, 1, 0, 0, 0)
