@@ -619,7 +619,18 @@ class StitchSettings(DilateSettings):
             "difference": "By differences, as in the paper",
         },
     )
-    seams: str = _changed(DilateSettings, "seams", "continue")
+    seams: str = _changed(
+        DilateSettings,
+        "seams",
+        "auto",
+        "Which steps at seams go",
+        choices={
+            "auto": "Those between sides whose detail agrees, or that have none: steps between"
+            " different materials stay",
+            "continue": "All of them",
+            "extend": "None: only pictures are joined",
+        },
+    )
     alpha: str = _alpha()
     content: str = _content_of_vectors()
 

@@ -327,17 +327,20 @@ def _with_opacity(
 
 
 def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -> npt.NDArray:
+    everywhere = settings.stitch == "everywhere"
+    # At the seams alone, steps that are seen stay: as narrow ramps they would be seen, too.
+    atlas = surface.atlas if everywhere else _with_seams(surface.atlas, image, settings).atlas
     how = StitchSettings(
         gutter=settings.gutter,
         where=settings.stitch,
-        seams=settings.seams,
+        seams=settings.seams if everywhere else "continue",
         alpha=settings.alpha,
         content=settings.content,
     )
     result = stitch_textures(
-        surface.mesh, surface.uv, image, how, normals=surface.normals, atlas=surface.atlas
+        surface.mesh, surface.uv, image, how, normals=surface.normals, atlas=atlas
     )
-    if settings.stitch == "everywhere":
+    if everywhere:
         return result
     old, new = _in_singles(image, result)
     pixels = image.reshape(*image.shape[:2], -1)

@@ -4,7 +4,8 @@
 On each side of a seam the values that its own chart shows there are extrapolated, and fine detail
 is extrapolated badly: an even texture seems to have a step that changes from texel to texel. A step
 that a picture really has, by its light or color, goes on along the seam, or is larger than the
-detail.
+detail. And one material in two lights has the same detail on both sides, where two materials meet
+has not.
 """
 
 from __future__ import annotations
@@ -24,6 +25,16 @@ and how large the rest is."""
 _INDEPENDENT = 8.0, 40.0
 """Of so many values at a seam one is independent of the others; and at most so many count."""
 
+_LONG = 160.0
+"""Size of the cells in which the detail of both sides is compared."""
+
+_FAINT = 0.04
+"""Share of the contrast of all seams below which detail tells nothing."""
+
+_AGREES = 0.6, 0.95
+"""Shares of the detail that agrees: up to the first one both sides are different materials, and
+from the second one on the same."""
+
 _NOTHING = 1e-20
 
 
@@ -31,6 +42,7 @@ def clear_steps(
     space: TextureSpace,
     corners: Floats,
     rough: npt.NDArray[np.float32],
+    same_material: bool,
 ) -> Floats:
     """Take steps at seams away that do not stand out from the detail beside them.
 
@@ -45,7 +57,9 @@ def clear_steps(
     corners : (v, c) float64
         At the corners of the pieces, as their own chart shows them; NaN where nothing is known.
     rough : (rows, columns) float32
-        Squared second differences at nodes, as `roughness` has them.
+        Squared second differences at nodes, as `roughness` has them; NaN where nothing is known.
+    same_material : bool
+        Take steps away, too, where both sides do not have the same detail.
 
     Returns
     -------
@@ -73,26 +87,56 @@ def clear_steps(
     error = _means(number, _means(index, errors[at, None]))[number][seam] / seen[seam, None]
     places = pieces.places[at[first[seam]]]
     group = _groups(number[seam], side[seam])
+    kept = _clear(steps, error, places, group)
+    if same_material:
+        kept *= _same_material(shown[seam], (shown[seam] - 2.0 * steps), error, places, group)
     clear = np.zeros_like(shown)
-    clear[seam] = _clear(steps, error, places, group) - steps
+    clear[seam] = kept - steps
     found = corners.copy()
     found[at] += clear[index]
     return found
 
 
 def _clear(steps: Floats, error: Floats, places: Floats, group: npt.NDArray[np.intp]) -> Floats:
-    def averaged(values: Floats, size: float) -> Floats:
-        # Along the seam between two charts, from which others are far in a third direction.
-        apart = np.column_stack([places, 4.0 * size * group])
-        return MeansAround(apart, values, size).at(np.arange(len(places)))
-
-    wide = averaged(np.column_stack([steps, error]), _WIDE)
+    wide = _averaged(np.column_stack([steps, error]), places, group, _WIDE)
     lasting, explained = wide[:, :-1], wide[:, -1]
     independent = np.clip(np.bincount(group)[group] / _INDEPENDENT[0], 1.0, _INDEPENDENT[1])
     share = _standing_out((lasting**2).sum(axis=1), explained / independent, 1)
     rest = steps - lasting
-    near = averaged(np.column_stack([(rest**2).sum(axis=1), error]), _NEAR)
+    squares = np.column_stack([(rest**2).sum(axis=1), error])
+    near = _averaged(squares, places, group, _NEAR)
     return share * lasting + _standing_out(near[:, 0], near[:, 1], 2) * rest
+
+
+def _same_material(
+    shown: Floats, other: Floats, error: Floats, places: Floats, group: npt.NDArray[np.intp]
+) -> Floats:
+    # How far the detail of both sides along the seam agrees, up to an offset and a factor: from 0
+    # to 1, and 1 where no side has any. Seams with little detail are judged as all are.
+    both = np.column_stack([shown, other])
+    near = _averaged(np.column_stack([both, error]), places, group, _NEAR)
+    detail = near[:, :-1] - _averaged(both, places, group, _LONG)
+    one, two = np.split(detail, 2, axis=1)
+    independent = np.clip(np.bincount(group)[group] / _INDEPENDENT[0], 1.0, _NEAR)
+    # Of the error half, as second differences hold detail that both sides may share.
+    chance = near[:, -1] / independent + _FAINT**2 * both.var(axis=0).sum()
+    products = [(one * two).sum(axis=1), (one**2).sum(axis=1), (two**2).sum(axis=1), chance]
+    energies = np.column_stack(products)
+    common, of_one, of_two, chance = _averaged(energies, places, group, _LONG).T
+    all_common, all_one, all_two, all_chance = energies.mean(axis=0)
+    common = common + all_common
+    total = np.sqrt(of_one * of_two) + np.sqrt(all_one * all_two)
+    chance = chance + all_chance
+    own = np.maximum(total - common - chance, 0.0)
+    agreeing = np.maximum(common, 0.0) + chance
+    share = agreeing / (own + agreeing + _NOTHING)
+    return np.clip((share - _AGREES[0]) / (_AGREES[1] - _AGREES[0]), 0.0, 1.0)[:, None]
+
+
+def _averaged(values: Floats, places: Floats, group: npt.NDArray[np.intp], size: float) -> Floats:
+    # Along the seam between two charts, from which others are far in a third direction.
+    apart = np.column_stack([places, 4.0 * size * group])
+    return MeansAround(apart, values, size).at(np.arange(len(places)))
 
 
 def _standing_out(square: Floats, explained: Floats, power: int) -> Floats:

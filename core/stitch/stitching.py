@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -131,7 +132,8 @@ def stitch_textures(
     result differs from them by rounding.
 
     Not in the paper: of a step at a seam counts what stands out from the detail beside it (see
-    `stitch.seam_steps`), so that fine textures without steps hardly change. And images that differ
+    `stitch.seam_steps`), so that fine textures without steps hardly change; with ``seams="auto"``
+    steps between different materials stay. And images that differ
     by factors, as in another light, are stitched as logarithms, where factors are steps. How far
     they differ so is seen at seams, and where two images are known: by whether one factor or one
     offset leaves less there. Where both leave about as much, both results are mixed.
@@ -165,12 +167,14 @@ def stitch_textures(
         with phase(0.0, 0.3, "Finding texels"):
             texture = Texture(checked_atlas(atlas, mesh, uv, flat[0]), flat[0], alpha)
             texture = normals_of(texture, settings, at_corners)
-            texture, values = gathered(texture, settings)
+            same_material = settings.seams == "auto"
+            seams = replace(settings, seams="continue") if same_material else settings
+            texture, values = gathered(texture, seams)
         with phase(0.3, 0.5, "Comparing texels"):
             space = TextureSpace(texture.atlas)
             opacity = values[..., alpha].copy()  # the last channel's, if none is opacity
             sources = [
-                _source(space, texture, picture, given, opacity)
+                _source(space, texture, picture, given, opacity, same_material)
                 for picture, given in zip(flat, trust, strict=True)
             ]
         with phase(0.5, 0.9, "Stitching"):
@@ -322,6 +326,7 @@ def _source(
     picture: npt.NDArray,
     trust: npt.NDArray | None,
     opacity: _Single,
+    same_material: bool,
 ) -> _Source:
     # `opacity` becomes the largest of all sources.
     atlas, alpha = space.atlas, texture.alpha
@@ -338,7 +343,8 @@ def _source(
     believed = (atlas.sheet.nodes >= 0) & (known.reshape(atlas.sheet.nodes.shape) > 0)
     ghosts = extend_ghosts(atlas.sheet, atlas.charts.labels, values, believed)
     rough = roughness_of_values(atlas, values, believed, across=False)
-    corners = clear_steps(space, corner_values(space, values, ghosts), rough)
+    rough[(atlas.sheet.nodes >= 0) & ~believed] = np.nan
+    corners = clear_steps(space, corner_values(space, values, ghosts), rough, same_material)
     return _Source(values, corners, confidence)
 
 

@@ -424,3 +424,65 @@ def test_textures_that_differ_by_rounding_differ_little_when_stitched():
     moved = image + np.random.default_rng(0).normal(0, 1e-5, image.shape).astype(np.float32)
     one, other = (core.stitch_textures(mesh, blocks.uv, each) for each in (image, moved))
     assert np.abs(one - other).max() < 1e-3
+
+
+def strokes(n, seed):
+    """Patches of a few colors, some texels wide."""
+    rng = np.random.default_rng(seed)
+    small = rng.uniform(0.2, 0.8, 3) + 0.15 * rng.standard_normal((n // 8 + 2, n // 8 + 2, 3))
+    places = (np.mgrid[:n, :n].transpose(1, 2, 0)[..., ::-1] + 0.5) / n
+    return np.clip(sample(small, places), 0.0, 1.0).astype(np.float32)
+
+
+def of_materials(n=96):
+    """Charts that show different materials."""
+    made = [Blocks(strokes(n, seed), 0.4) for seed in range(16)]
+    mesh = core.TriangleMesh(made[0].vertices, made[0].faces)
+    atlas = inside_of(mesh, made[0])
+    chart = atlas.masks().chart
+    choices = np.array([each.texture() for each in made])
+    image = np.take_along_axis(choices, np.maximum(chart, 0)[None, ..., None], axis=0)[0]
+    return mesh, made[0].uv, image, atlas
+
+
+def test_different_materials_stay_as_they_are():
+    mesh, uv, image, atlas = of_materials()
+    auto, all_of_them = (
+        core.stitch_textures(mesh, uv, image, core.StitchSettings(seams=seams))
+        for seams in ("auto", "continue")
+    )
+    changes = [np.abs(each - image)[atlas.inside].mean() for each in (auto, all_of_them)]
+    assert changes[1] > 0.05
+    assert changes[0] < 0.05 * changes[1]
+
+
+@pytest.mark.parametrize("kind", [with_steps, with_factors])
+def test_one_material_in_many_lights_becomes_one(kind):
+    blocks = Blocks(strokes(96, 0), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    broken = kind(mesh, blocks, blocks.texture())
+    auto, all_of_them = (
+        core.stitch_textures(mesh, blocks.uv, broken, core.StitchSettings(seams=seams))
+        for seams in ("auto", "continue")
+    )
+    assert (auto == all_of_them).all()
+
+
+def test_how_far_sides_agree_grows_without_jumps():
+    # The same detail on both sides, and more and more of another one.
+    mesh, uv, other, atlas = of_materials()
+    blocks = Blocks(strokes(96, 0), 0.4)
+    same = with_steps(mesh, blocks, blocks.texture())
+    moved = []
+    for share in np.linspace(0.0, 1.0, 9):
+        image = ((1 - share) * same + share * other).astype(np.float32)
+        auto, everything = (
+            core.stitch_textures(mesh, uv, image, core.StitchSettings(seams=seams))
+            for seams in ("auto", "continue")
+        )
+        change = [np.abs(each - image)[atlas.inside].mean() for each in (auto, everything)]
+        moved.append(change[0] / change[1])
+    assert moved[0] == 1
+    assert moved[-1] < 0.1
+    assert (np.diff(moved) < 0.02).all()
+    assert np.diff(moved).min() > -0.5
