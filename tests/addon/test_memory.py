@@ -16,7 +16,7 @@ from shock_filter.shock_addon.data.mesh.targets import MeshTarget
 OF_A_RUN = MeshTarget, ImageTarget, TextureTarget, Reshaped, Recolored, Retextured
 
 
-@pytest.mark.parametrize("undo", [False, True])
+@pytest.mark.parametrize("undo", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_memory_stays_flat(rounded_box, undo):
     preferences = bpy.context.preferences.edit
     kept = preferences.use_global_undo, preferences.undo_steps

@@ -6,7 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 
+
+@pytest.mark.slow
 def test_rehearsed_presses_compile_nothing():
     script = Path(__file__).with_name("presses.py")
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=580)

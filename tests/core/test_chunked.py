@@ -58,6 +58,7 @@ def test_denoising_has_the_same_bits_as_in_memory():
     np.testing.assert_array_equal(computed(lazy), core.beltrami_image(image, settings))
 
 
+@pytest.mark.slow
 def test_noise_is_that_of_the_whole():
     noise = 0.1 * np.random.default_rng(4).normal(size=(700, 500, 1))
     image = (0.5 + noise * np.linspace(0, 1, 700)[:, None, None]).astype(np.float32)

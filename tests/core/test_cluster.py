@@ -464,6 +464,7 @@ class pressing_ctrl_c_when:
         self._thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="has no groups of processes")
 def test_ctrl_c_on_a_terminal_reaches_local_workers_too_and_leaves_nothing(folder):
     draw("a", "b", "endless 1", "endless 2", "z")

@@ -229,6 +229,7 @@ def test_bumps_of_a_width_go_and_creases_stay():
     assert found < error(denoised(mesh), clean)
 
 
+@pytest.mark.slow
 def test_a_bump_size_turns_the_result_evenly():
     vertices, faces = icosphere(5)
     clean = core.TriangleMesh(vertices, faces)

@@ -309,9 +309,16 @@ def test_extreme_values_are_done_and_worse_ones_refused():
             core.sharpen_image(image)
 
 
-@pytest.mark.parametrize("settings", [
-    {}, {"width": 6.0}, {"channels": "independent"}, {"smoothing_passes": 3},
-], ids=str)  # fmt: skip
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        pytest.param({"width": 6.0}, marks=pytest.mark.slow),
+        pytest.param({"channels": "independent"}, marks=pytest.mark.slow),
+        pytest.param({"smoothing_passes": 3}, marks=pytest.mark.slow),
+    ],
+    ids=str,
+)
 def test_chunks_have_the_bits_of_the_whole(settings):
     settings = core.ImageSettings(**settings)
     image = as_bytes(np.tile(scene(23), (3, 2, 1))[:531, :, :2])

@@ -33,11 +33,21 @@ RUNS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("run", RUNS.values(), ids=RUNS)
+SLOW = ["colors", "denoise"]
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        pytest.param(run, id=name, marks=[pytest.mark.slow] * (name in SLOW))
+        for name, run in RUNS.items()
+    ],
+)
 def test_memory_stays_flat(run):
     assert_flat(run)
 
 
+@pytest.mark.slow
 def test_memory_stays_flat_on_one_mesh():
     mesh = core.TriangleMesh(VERTICES, FACES)
     times = iter(np.linspace(1.0, 99.0, 1000))

@@ -3,6 +3,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 MODES = {"SCULPT": "positions", "VERTEX_PAINT": "colors", "EDIT": "positions"}
 
 in_each_mode = pytest.mark.parametrize(("mode", "changed"), MODES.items())

@@ -3,6 +3,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 TARGETS = ["distance", "streaks", "pattern", "curvature", "occlusion", "thickness", "wear"]
 
 

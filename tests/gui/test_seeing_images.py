@@ -3,6 +3,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 MODES = ["image", "denoise_image", "texture"]
 
 

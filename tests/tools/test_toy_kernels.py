@@ -87,6 +87,7 @@ def test_results_are_those_of_numba(harvest, library, newer, monkeypatch):
     assert {replay.replay(call, library) for call in calls} == {0.0}
 
 
+@pytest.mark.slow
 def test_another_process_and_folder_give_the_same_bytes(harvest, tmp_path):
     shutil.copy(HERE / "toy_kernels.py", tmp_path)
     again = harvested(tmp_path, tmp_path / "toys.pickle")

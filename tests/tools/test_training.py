@@ -62,6 +62,7 @@ def test_the_shipped_networks_for_vertices_come_from_these_scripts():
         assert found[name].version == train_meshes.VERSION
 
 
+@pytest.mark.slow
 def test_networks_of_images_learn_on_on_meshes(tmp_path, monkeypatch):
     monkeypatch.setattr(image_examples, "SIZE", 48)
     monkeypatch.setattr(image_examples, "bank", lambda: [np.eye(768, dtype=np.float32)])
@@ -78,6 +79,7 @@ def test_networks_of_images_learn_on_on_meshes(tmp_path, monkeypatch):
     assert any("learned on" in line for line in said)
 
 
+@pytest.mark.slow
 def test_a_tiny_network_learns_to_enlarge(monkeypatch):
     monkeypatch.setattr(image_examples, "SIZE", 48)
     monkeypatch.setattr(image_examples, "bank", lambda: [np.eye(768, dtype=np.float32)])
@@ -114,6 +116,7 @@ def test_digests_are_of_the_scripts_that_are_named_and_no_others():
     assert train_creases.made_of() != train_denoising.made_of()
 
 
+@pytest.mark.slow
 def test_a_tiny_denoiser_learns_to_come_nearer_on_a_mesh_it_has_not_seen(tmp_path, monkeypatch):
     tiny = partial(denoise_examples.example, kind="white")
     monkeypatch.setattr(train_denoising, "MAKERS", {"solid": tiny})

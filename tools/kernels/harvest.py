@@ -13,7 +13,8 @@ import copy
 from pathlib import Path
 from typing import Any
 
-from numba.core import types
+import numpy as np
+from numba.core import config, types
 from numba.core.callconv import CPUCallConv
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.registry import CPUDispatcher
@@ -34,6 +35,9 @@ _libraries: list[CPUCodeLibrary] = []
 
 _asked: dict[tuple[Any, Any], None] = {}
 """Kernels and types that Python called, in this order."""
+
+_seen: set[Any] = set()
+"""Kernels and forms of arguments that Python called."""
 
 _calls: list[Call] = []
 
@@ -58,10 +62,21 @@ def _build_without_place(conventions, exc, exc_args, _, func_name):
     return _build_excinfo_struct(conventions, exc, exc_args, None, func_name)
 
 
+def _form(value: Any) -> Any:
+    # What determines numba's type of an argument, and takes less time to find.
+    if type(value) is np.ndarray:
+        return value.dtype, value.ndim, value.flags.num
+    return (type(value), *map(_form, value)) if isinstance(value, tuple) else type(value)
+
+
 class _Recorded(CPUDispatcher):
     """A dispatcher that records the first call for each combination of types."""
 
     def __call__(self, *arguments: Any) -> Any:
+        form = (self, *map(_form, arguments))
+        if form in _seen:
+            return super().__call__(*arguments)
+        _seen.add(form)
         found = tuple(self.typeof_pyval(each) for each in arguments)
         if (self, found) in _asked:
             return super().__call__(*arguments)
@@ -71,6 +86,10 @@ class _Recorded(CPUDispatcher):
         name = compiled.name_of(self.py_func)
         _calls.append(Call(name, before, copy.deepcopy(arguments), copy.deepcopy(result)))
         return result
+
+
+def _without_passes(library: CPUCodeLibrary, module: Any) -> None:
+    module.data_layout = library._codegen._data_layout
 
 
 def _linked(library: CPUCodeLibrary, found: list[CPUCodeLibrary]) -> list[CPUCodeLibrary]:
@@ -126,6 +145,9 @@ def _entries() -> list[Entry]:
 def record() -> None:
     """Keep the IR of all kernels that are made from now on, and their first calls."""
     CPUCodeLibrary.add_ir_module = _keep_ir
+    # The IR that is kept is that of before any pass. Without all of them runs would take longer.
+    CPUCodeLibrary._optimize_functions = _without_passes
+    config.OPT = config._OptLevel(1)
     CPUCallConv.build_excinfo_struct = _build_without_place
     compile_kernel = kernel_cache.compile_kernel
 
