@@ -35,19 +35,23 @@ PLACES = {
     "core.files": (760, 5, "PLY, OBJ, glTF, PNG, TIFF, EXR"),
     "core.registry": (540, 5, "one row per filter"),
     "core.advection": (760, 6, "flows as moving textures"),
-    "core.maps": (440, 6, "curvature, occlusion"),
-    "core.texture": (620, 7, "sharpen, stitch, generate"),
-    "core.shape": (240, 7, "geometry: sharpen, denoise, refit"),
-    "core.color": (380, 8, "images, signals on meshes"),
-    "core.beltrami": (380, 9, "the short-time kernel"),
-    "core.elements": (720, 9, "finite elements on texels"),
-    "core.flow": (200, 10, "flow-lines on meshes"),
-    "core.rays": (430, 10, "rays against triangles"),
-    "core.atlas": (660, 10, "textures on their surface"),
-    "core.linear": (140, 11, "CG, multigrid"),
-    "core.mesh": (420, 11, "the mesh, calculus, geodesics"),
-    "core.grid": (720, 11, "images: walk, sample"),
-    "core.base": (460, 12, "kernels, threads, progress, checks; settings, errors: all use these"),
+    "core.maps": (330, 6, "curvature, occlusion"),
+    "core.repair": (560, 7, "fill, tile, enlarge, repair"),
+    "core.stitch": (740, 8, "seams and pictures meet"),
+    "core.texture": (620, 9, "sharpen, filter, generate"),
+    "core.shape": (200, 9, "geometry: sharpen, denoise, refit"),
+    "core.color": (400, 10, "images, signals on meshes"),
+    "core.beltrami": (330, 11, "the short-time kernel"),
+    "core.elements": (720, 11, "finite elements on texels"),
+    "core.mixture": (160, 12, "learned shares of results"),
+    "core.flow": (400, 13, "flow-lines on meshes"),
+    "core.atlas": (660, 13, "textures on their surface"),
+    "core.linear": (110, 14, "CG, multigrid"),
+    "core.mesh": (330, 14, "the mesh, calculus, geodesics"),
+    "core.grid": (570, 14, "images: walk, sample"),
+    "core.rays": (780, 14, "rays against triangles"),
+    "core.sparse": (240, 15, "sparse matrices, graphs"),
+    "core.base": (460, 16, "kernels, threads, progress, checks; settings, errors: all use these"),
 }
 TABLES = {"shock_addon.modes", "shock_addon.kinds", "core.registry"}
 STEP, HEIGHT, TOP = 92, 46, 50
@@ -78,7 +82,8 @@ def drawing(counts: Counter[tuple[str, str]]) -> str:
     ]
     boxes = [_box(room, *place) for room, place in PLACES.items()]
     line = TOP + BORDER * STEP - (STEP - HEIGHT) / 2
-    height = TOP + 13 * STEP - STEP + HEIGHT + 20
+    rows = 1 + max(row for _, row, _ in PLACES.values())
+    height = TOP + rows * STEP - STEP + HEIGHT + 20
     return "\n".join([
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 900 {height}"'
         ' font-family="DejaVu Sans, Verdana, sans-serif" text-anchor="middle">',

@@ -5,6 +5,7 @@ import ast
 from pathlib import Path
 
 import pytest
+from draw_house import PLACES
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = sorted(
@@ -18,6 +19,11 @@ MOST = 16
 
 def test_rooms_are_found():
     assert {"core/shape", "core/files/formats/image", "shock_addon/data/mesh"} <= set(ROOMS)
+
+
+def test_the_picture_shows_each_room():
+    there = {room.replace("/", ".") for room in ROOMS if room.count("/") == 1}
+    assert PLACES.keys() == there | {"shock_addon.modes", "shock_addon.kinds", "core.registry"}
 
 
 @pytest.mark.parametrize("room", ROOMS)
