@@ -29,7 +29,7 @@ PLACES = {
     "shock_addon.modes": (620, 3, "one row per button"),
     "shock_addon.kinds": (800, 3, "one row per kind of data"),
     "core.cli": (720, 4, "shock-filter"),
-    "core.rehearsal": (130, 4, "compiles kernels before"),
+    "core.rehearsal": (235, 4, "compiles kernels before"),
     "core.preview": (400, 4, "patches, crops, arrows"),
     "core.host": (300, 5, "what a host program keeps, as arrays"),
     "core.files": (760, 5, "PLY, OBJ, glTF, PNG, TIFF, EXR"),
@@ -104,8 +104,7 @@ def drawing(counts: Counter[tuple[str, str]]) -> str:
 
 
 def _box(room: str, middle: float, row: int, about: str) -> str:
-    name = room.partition(".")[2]
-    width = 10 + max(6.3 * len(about), 10 * len(name))
+    name, width = room.partition(".")[2], _width(room)
     top = TOP + row * STEP
     fill = "#fff7c9" if room in TABLES else "#fff"
     return (
@@ -114,6 +113,10 @@ def _box(room: str, middle: float, row: int, about: str) -> str:
         f'<text x="{middle}" y="{top + 19}" font-size="15" font-weight="bold">{name}</text>'
         f'<text x="{middle}" y="{top + 36}" font-size="11" fill="#445">{escape(about)}</text>'
     )
+
+
+def _width(room: str) -> float:
+    return 10 + max(6.3 * len(PLACES[room][2]), 10 * len(room.partition(".")[2]))
 
 
 def _arrow(user: str, used: str, count: int) -> str:
@@ -127,7 +130,8 @@ def _arrow(user: str, used: str, count: int) -> str:
         path = f"M{x} {y}H{to_x - side * half:g}"
     else:
         y, to_y = TOP + row * STEP + HEIGHT, TOP + to_row * STEP
-        shift = 0.12 * (x - to_x)  # so that not all end in one point
+        most = min(_width(user), _width(used)) / 2 - 8
+        shift = min(max(0.12 * (x - to_x), -most), most)  # so that not all end in one point
         bend = 0.5 * (to_y - y)
         path = (
             f"M{x - shift:g} {y}C{x - shift:g} {y + bend:g}"

@@ -243,3 +243,26 @@ def test_dark_rims_of_charts_are_not_sharpened(model):
     rims = atlas.inside & ~minimum_filter(atlas.inside, 3)
     assert np.median(sound[rims]) > 0.6
     assert np.median(spoiled[rims]) < 0.2
+
+
+def test_charts_in_another_light_become_one_where_stitching_everywhere():
+    # At seams alone, steps that are seen stay: they may lie between materials.
+    blocks = Blocks(smooth(64), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image = blocks.texture()
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=image.shape[:2])
+    chart, inside = atlas.masks().chart, atlas.inside
+    steps = 0.15 * np.random.default_rng(0).uniform(-1, 1, chart.max() + 1).astype(np.float32)
+    broken = image + np.where(chart >= 0, steps[chart], np.float32(0.0))[..., None]
+
+    def spread(pixels):
+        return float(np.std((pixels - image)[inside].mean(axis=1)))
+
+    found = {
+        where: core.repair_texture(
+            mesh, blocks.uv, broken, core.RepairSettings(**{**KEEP, "stitch": where}), atlas=atlas
+        )
+        for where in ("everywhere", "seams")
+    }
+    assert spread(found["everywhere"]) < 0.5 * spread(broken)
+    assert spread(found["seams"]) > 0.9 * spread(broken)
