@@ -31,6 +31,12 @@ PATIENCE_AT_HUBS = 100
 LIMIT = 1000
 """Most iterations with multigrid."""
 
+_ALONE = 40_000
+"""Most rows for which one thread iterates alone; two cores together are faster from 50,000 on."""
+
+_AT_ONCE = 8
+"""Iterations of one thread between two questions whether the run is cancelled."""
+
 
 class SolveReport(NamedTuple):
     """Statistics of a solve.
@@ -184,6 +190,8 @@ def _conjugate_gradients(
     kind = r.dtype.type
     # Not zeros_like, which writes the zeros now and in this thread.
     x, p, q = (np.zeros(r.shape, r.dtype) for _ in range(3))
+    if hierarchy is None and n <= _ALONE:
+        return x, *_iterate_alone(matrix, r, x, p, q, tolerance, limit, message)
     flat = [array.reshape(-1) for array in (x, p, q, r)]
     size = chunk_size(n)
     wide = columns * size
@@ -214,11 +222,105 @@ def _conjugate_gradients(
         if not curvature > 0:
             return x, iteration, False
         alpha, before = product / curvature, product
-        # The residual falls roughly geometrically: progress is its logarithm.
-        done = iteration / limit
-        if tolerance > 0:
-            done = max(done, min(float(np.log(norm / scale) / np.log(tolerance)), 1.0))
+        done = _progress(iteration / limit, norm / scale, tolerance)
     return x, iteration, True
+
+
+def _iterate_alone(
+    matrix: Csr,
+    r: npt.NDArray[np.floating],
+    x: npt.NDArray[np.floating],
+    p: npt.NDArray[np.floating],
+    q: npt.NDArray[np.floating],
+    tolerance: float,
+    limit: int,
+    message: str,
+) -> tuple[int, bool]:
+    # The same in this thread, with several iterations a call: the same bits. Small systems take
+    # longer to wake and to wait for other threads than to iterate.
+    size = chunk_size(len(x))
+    sums = np.zeros(-(-len(x) // size))
+    state = np.array([0.0, 1.0, 0.0, 0.0])
+    done = 0.0
+    for first in range(0, limit + 1, _AT_ONCE):
+        with phase(done, done, message):
+            last = min(first + _AT_ONCE, limit + 1)
+            iteration = _iterate(
+                first, last, size, *matrix, x, p, q, r, sums, state, tolerance, limit
+            )
+        if iteration < 0:
+            return -1 - iteration, False
+        if iteration < last:
+            break
+        done = _progress(iteration / limit, state[3] / state[2], tolerance)
+    return iteration, True
+
+
+def _progress(done: float, residual: float, tolerance: float) -> float:
+    # The residual falls roughly geometrically: progress is its logarithm.
+    if tolerance > 0:
+        done = max(done, min(float(np.log(residual) / np.log(tolerance)), 1.0))
+    return done
+
+
+@kernel
+def _iterate(
+    start, stop, chunk, row_start, columns, values, x, p, q, r, sums, state, tolerance, limit
+):
+    # Returns the iteration that is the last one; `stop` if there is none yet; -1 - the iteration
+    # where the matrix is not positive definite. State: alpha, product, first and last residual.
+    n, count = x.shape
+    wide = chunk * count
+    flat_x, flat_p = x.reshape(-1), p.reshape(-1)
+    flat_q, flat_r = q.reshape(-1), r.reshape(-1)
+    for iteration in range(start, stop):
+        alpha = r.dtype.type(state[0])
+        for first in range(0, n * count, wide):
+            _reduce(first, min(first + wide, n * count), wide, alpha, flat_q, flat_r, sums)
+        product = _total(sums)
+        norm = np.sqrt(product)
+        state[3] = norm
+        if iteration == 0:
+            state[2] = norm
+        if not np.isfinite(norm):
+            return -1 - iteration
+        beta = r.dtype.type(product / state[1] if iteration else 0.0)
+        for first in range(0, n * count, wide):
+            last = min(first + wide, n * count)
+            _update_direction(first, last, alpha, beta, flat_r, flat_x, flat_p)
+        if norm <= tolerance * state[2] or iteration == limit:
+            return iteration
+        for first in range(0, n, chunk):
+            last = min(first + chunk, n)
+            if count == 3:
+                _apply_three(first, last, chunk, row_start, columns, values, p, q, sums)
+            else:
+                _apply(first, last, chunk, row_start, columns, values, p, q, sums)
+        curvature = _total(sums)
+        if not curvature > 0:
+            return -1 - iteration
+        state[0], state[1] = product / curvature, product
+    return stop
+
+
+@kernel
+def _total(values):
+    # The sum of up to 128 numbers in numpy's order.
+    n = len(values)
+    if n < 8:
+        total = 0.0
+        for i in range(n):
+            total += values[i]
+        return total
+    parts = values[:8].copy()
+    whole = n - n % 8
+    for i in range(8, whole):
+        parts[i % 8] += values[i]
+    total = (parts[0] + parts[1]) + (parts[2] + parts[3])
+    total += (parts[4] + parts[5]) + (parts[6] + parts[7])
+    for i in range(whole, n):
+        total += values[i]
+    return total
 
 
 @kernel

@@ -18,6 +18,9 @@ from ..base.vectors import after
 
 Ints = npt.NDArray[np.int32]
 
+_FEW = 64
+"""Sorting is faster where there are fewer numbers than one of so many."""
+
 
 def count_sort(keys: Ints, count: int) -> tuple[Ints, Ints]:
     """Sort indices stably by their keys, all below `count`; returns (start, order).
@@ -93,7 +96,17 @@ def faces_around(corners: tuple[Ints, Ints], vertices: npt.NDArray[Any]) -> npt.
     start, order = corners
     counts = start[vertices + 1] - start[vertices]
     skipped = start[vertices] - (np.cumsum(counts) - counts)
-    return np.unique(order[np.arange(counts.sum()) + np.repeat(skipped, counts)] // 3)
+    found = order[np.arange(counts.sum()) + np.repeat(skipped, counts)] // 3
+    return distinct(found, len(order) // 3)
+
+
+def distinct(numbers: npt.NDArray[Any], count: int) -> npt.NDArray[Any]:
+    """Return the different ones of integers from 0 to `count`, which is not among them, sorted."""
+    if len(numbers.reshape(-1)) < count / _FEW:
+        return np.unique(numbers)
+    found = np.zeros(count, dtype=np.bool_)
+    found[numbers] = True
+    return np.flatnonzero(found).astype(numbers.dtype)
 
 
 @kernel

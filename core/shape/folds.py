@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ..base.parallel import kernel, run
 from ..base.progress import ask
 from ..base.vectors import cross, dot
-from ..mesh.adjacency import faces_around
+from ..mesh.adjacency import distinct, faces_around
 from ..mesh.calculus import greatest_to_faces, greatest_to_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
@@ -79,7 +79,7 @@ class FoldChecks:
 
     def bad_faces(self, moved: Floats, among: Indices) -> Indices:
         """Return those of some faces that are bad, sorted."""
-        return np.unique(among[self.grades(moved, among) >= 1])
+        return distinct(among[self.grades(moved, among) >= 1], self.mesh.face_count)
 
     def grades(self, moved: Floats, among: Indices) -> Floats:
         """Grade some faces, sorted: 1 if they are bad, 0 if they are not, between if nearly."""
@@ -105,7 +105,7 @@ class FoldChecks:
     def faces_near(self, vertices: Indices) -> Indices:
         """Return the faces whose folds depend on some vertices, sorted."""
         around = faces_around(self.mesh.corners, vertices)
-        return faces_around(self.mesh.corners, np.unique(self.mesh.faces[around]))
+        return faces_around(self.mesh.corners, distinct(self.mesh.faces[around], self.mesh.vertex_count))
 
 
 def mended(

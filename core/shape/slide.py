@@ -22,7 +22,7 @@ from ..base.vectors import TIE_BREAKER, after, cross, dot
 from ..flow.potential import dilation
 from ..linear.cg import roughly
 from ..linear.system import LinearSystem
-from ..mesh.adjacency import count_sort, faces_around
+from ..mesh.adjacency import count_sort, distinct, faces_around
 from ..mesh.calculus import cosines, cotangents_of, greatest_to_faces, greatest_to_vertices
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -207,7 +207,7 @@ def _evened(piece: _Piece, moved: Floats, rounds: int) -> Floats:
         moved[vertices[sliding]] += slides[sliding]
         # What lies farther has the shape that it had.
         faces = faces_around(piece.corners, vertices[sliding])
-        vertices = np.unique(piece.faces[faces])
+        vertices = distinct(piece.faces[faces], len(moved))
     return moved
 
 
@@ -243,10 +243,10 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
         if attempt < _SLIDES:
             _give_height(piece, moved, bad, _HEIGHT * _LOWER**attempt)
         else:
-            corners = np.unique(piece.faces[bad])
+            corners = distinct(piece.faces[bad], len(moved))
             left = _RETREAT if attempt < _SLIDES + _RETREATS else 0.0
             moved[corners[~fixed[corners]]] *= left
-        around = faces_around(piece.corners, np.unique(piece.faces[bad]))
+        around = faces_around(piece.corners, distinct(piece.faces[bad], len(moved)))
     return moved
 
 
@@ -271,7 +271,7 @@ def unfold(mesh: TriangleMesh, moved: Floats) -> None:
         if attempt == rounds:
             tell("Faces that stay folded: {count}.", count=len(bad))
             break
-        corners = np.unique(bad)
+        corners = distinct(bad, len(moved))
         moved[corners] *= _RETREAT if attempt < _RETREATS else 0.0
         around = faces_around(mesh.corners, corners)
 

@@ -369,6 +369,28 @@ def test_a_matrix_that_cannot_be_solved_is_refused():
             LinearSystem.from_csr(scipy.sparse.csr_matrix(matrix))
 
 
+@pytest.mark.parametrize("columns", [1, 2, 3])
+@pytest.mark.parametrize("precise", [False, True])
+def test_one_thread_alone_gives_the_bits_of_several(monkeypatch, columns, precise):
+    mesh = core.TriangleMesh(*grid(120, 110, jitter=0.2))  # 13 chunks
+    matrix = LinearSystem.from_csr(mass_matrix(mesh) + 400.0 * stiffness_matrix(mesh))
+    rhs = np.random.default_rng(1).normal(size=(mesh.vertex_count, columns))
+    alone, of_one = solve(matrix, rhs, 1e-7, precise=precise)
+    monkeypatch.setattr(cg, "_ALONE", 0)
+    shared, of_several = solve(matrix, rhs, 1e-7, precise=precise)
+    assert of_one == of_several
+    assert of_one.iterations > 2 * cg._AT_ONCE
+    np.testing.assert_array_equal(alone, shared)
+
+
+def test_one_thread_alone_notices_what_is_not_positive_definite(monkeypatch):
+    monkeypatch.setattr(cg, "PATIENCE", 50)
+    monkeypatch.setattr(cg, "LIMIT", 0)
+    matrix = scipy.sparse.csr_matrix([[1.0, 2.0], [2.0, 1.0]])
+    with pytest.raises(core.SolverError, match="stopped at"):
+        solve(LinearSystem.from_csr(matrix), np.array([1.0, -1.0]), 1e-9)
+
+
 @pytest.mark.parametrize("shape", ["sphere", "plane"])
 def test_the_heat_method_measures_distances(shape):
     # Crane, Weischedel, Wardetzky 2013: heat for a short time, normalise its gradient, integrate.

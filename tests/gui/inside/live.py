@@ -28,6 +28,7 @@ from harness import (
     run,
 )
 
+IN_SIGHT, OUT_OF_SIGHT = 4, 2
 STEPS = 20
 DABS = 20
 LOOP = PICTURES / "live-loop"
@@ -112,7 +113,10 @@ def follow(name: str) -> Steps:
         bpy.ops.shock_filter.auto_update_live()
     seen["seconds"], seen["shown"], seen["states"] = [], [], []
     yield from record(3)
-    for _ in range(4):
+    for number in range(IN_SIGHT + OUT_OF_SIGHT):
+        if number == IN_SIGHT:
+            look_beside(True)
+            yield DRAWN
         drawn = first_draw(copy)
         start = time.monotonic()
         bpy.data.objects[name].location.x -= 0.1
@@ -132,10 +136,17 @@ def follow(name: str) -> Steps:
         yield from finished()
         seen["states"].append(live().state(bpy.data.objects[copy]))
         yield from record(3)
+    look_beside(False)
     seen["after"] = seen_state(copy)
     seen["kept"] = keep(bpy.data.objects[copy])
     yield DRAWN
     picture("live-followed", area("VIEW_3D"), width=1400)
+
+
+def look_beside(beside: bool) -> None:
+    """Look far beside the part, which then takes no time to draw, or at it again."""
+    view = area("VIEW_3D").spaces.active.region_3d
+    view.view_location = (200.0, 0.0, 0.0) if beside else (0.0, 0.0, 0.0)
 
 
 def press_keys(name: str) -> Steps:
