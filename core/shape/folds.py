@@ -104,8 +104,9 @@ class FoldChecks:
 
     def faces_near(self, vertices: Indices) -> Indices:
         """Return the faces whose folds depend on some vertices, sorted."""
-        around = faces_around(self.mesh.corners, vertices)
-        return faces_around(self.mesh.corners, distinct(self.mesh.faces[around], self.mesh.vertex_count))
+        mesh = self.mesh
+        around = mesh.faces[faces_around(mesh.corners, vertices)]
+        return faces_around(mesh.corners, distinct(around, mesh.vertex_count))
 
 
 def mended(

@@ -67,11 +67,12 @@ def read(
     return flat if width == 1 else flat.reshape(-1, width)
 
 
-def read_triples(collection: Any, name: str) -> npt.NDArray[np.int32]:
-    """Read a property of three integers that each element consists of: (n, 3).
+def view_triples(collection: Any, name: str) -> npt.NDArray[np.int32]:
+    """Return a property of three integers that each element consists of: (n, 3).
 
     Blender asks each element for it, which takes seconds for millions. They lie one after another
-    in memory; where a sample says otherwise, Blender is asked.
+    in memory, and the result is a view of that, valid until Blender computes them anew; where a
+    sample says otherwise, Blender is asked.
     """
     count = len(collection)
     if count < _FEW:
@@ -80,8 +81,8 @@ def read_triples(collection: Any, name: str) -> npt.NDArray[np.int32]:
     steps = [count // 2, count - 1]
     if [collection[i].as_pointer() - first for i in steps] != [12 * i for i in steps]:
         return read(collection, name, 3, np.int32)
-    found = np.empty((count, 3), dtype=np.int32)
-    ctypes.memmove(found.ctypes.data, first, found.nbytes)
+    place = ctypes.cast(first, ctypes.POINTER(ctypes.c_int32))
+    found = np.ctypeslib.as_array(place, (count, 3))
     sample = np.linspace(0, count - 1, _SAMPLED, dtype=np.intp)
     if any(tuple(getattr(collection[int(i)], name)) != tuple(found[i]) for i in sample):
         return read(collection, name, 3, np.int32)

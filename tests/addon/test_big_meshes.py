@@ -47,7 +47,7 @@ def test_triples_that_lie_otherwise_in_memory_are_asked_for(mesh, monkeypatch):
         return read(*words)
 
     monkeypatch.setattr(arrays, "read", noted)
-    vertices = arrays.read_triples(mesh.loop_triangles, "vertices")  # which are computed
+    vertices = arrays.view_triples(mesh.loop_triangles, "vertices")  # which are computed
     assert asked == ["vertices"]
     np.testing.assert_array_equal(vertices, read(mesh.loop_triangles, "vertices", 3, np.int32))
 

@@ -22,6 +22,9 @@ from .targets import MeshTarget
 _SINGULAR = 1e-6
 _UNIFORM = 1e-5
 
+_AT_ONCE = 1 << 15
+"""Triangles whose corners are looked up at once, in memory that is used again."""
+
 
 @contextmanager
 def object_mode(context: bpy.types.Context) -> Iterator[None]:
@@ -219,15 +222,24 @@ def read_triangle_corners(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     """Read the triangles that Blender cuts the faces into, as face corners: (m, 3)."""
     if len(mesh.loops) == 3 * len(mesh.polygons):  # triangles already: 100 times faster
         return np.arange(len(mesh.loops), dtype=np.int32).reshape(-1, 3)
-    mesh.calc_loop_triangles()
-    return arrays.read_triples(mesh.loop_triangles, "loops")
+    return _view_triangle_corners(mesh).copy()
 
 
 def read_triangles(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     """Read the triangles as vertices: (m, 3)."""
     if len(mesh.loops) == 3 * len(mesh.polygons):
         return read_corner_vertices(mesh).reshape(-1, 3)
-    return read_corner_vertices(mesh)[read_triangle_corners(mesh)]
+    corners, vertices = _view_triangle_corners(mesh), read_corner_vertices(mesh)
+    triangles = np.empty(corners.shape, np.int32)
+    for first in range(0, len(corners), _AT_ONCE):
+        triangles[first : first + _AT_ONCE] = vertices[corners[first : first + _AT_ONCE]]
+    return triangles
+
+
+def _view_triangle_corners(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
+    # See `arrays.view_triples`.
+    mesh.calc_loop_triangles()
+    return arrays.view_triples(mesh.loop_triangles, "loops")
 
 
 def read_edges(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32] | None:
