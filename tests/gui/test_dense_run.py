@@ -22,8 +22,8 @@ def test_scenario_ran_to_its_end(report):
 def test_the_window_answers_during_a_run(report, name, capsys):
     seen = report[name]
     with capsys.disabled():
-        print(f"\n{name}: the press takes {seen['start_seconds']:.2f} s, the run"
-              f" {seen['seconds']:.1f} s, writing {seen['end_seconds']:.2f} s; longest gaps:")  # fmt: skip
+        print(f"\n{name}: {seen['seconds']:.1f} s, of these {seen['start_seconds']:.2f} s for")
+        print(f"the press and {seen['end_seconds']:.2f} s for writing; longest gaps:")
         for seconds, message in reversed(seen["gaps"]):
             print(f"  {seconds:.2f} s, {message}")
     assert seen["gaps"][-1][0] < 0.1 * seen["seconds"]
