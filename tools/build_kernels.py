@@ -97,6 +97,7 @@ def _run(script: str, *words: str) -> None:
     paths = [str(link.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
     # Without a fixed seed, numba writes its modules in another order each time.
     env = {**os.environ, "PYTHONHASHSEED": "0", "PYTHONPATH": os.pathsep.join(paths)}
+    env["NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING"] = "1"  # of each overload that does not fit
     subprocess.run([sys.executable, str(ROOT / script), *words], check=True, env=env)
 
 

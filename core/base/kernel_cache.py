@@ -102,7 +102,8 @@ class KernelCache(FunctionCache):
 
 def compile_kernel(function: Callable[..., Any], keep: bool = True) -> Any:
     """Return numba's dispatcher of a kernel; `keep` its code on disk."""
-    kernel = njit(nogil=True, error_model="numpy")(function)
+    # No C code calls kernels: a wrapper for it would take a tenth of the time to compile.
+    kernel = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
     return keep_on_disk(kernel) if keep else kernel
 
 

@@ -5,7 +5,7 @@ On each side of a seam the values that its own chart shows there are extrapolate
 is extrapolated badly: an even texture seems to have a step that changes from texel to texel. A step
 that a picture really has, by its light or color, goes on along the seam, or is larger than the
 detail. And one material in two lights has the same detail on both sides, where two materials meet
-has not.
+has not; where there is no detail, lights seldom differ as much in tint as materials do.
 """
 
 from __future__ import annotations
@@ -34,6 +34,14 @@ _FAINT = 0.04
 _AGREES = 0.6, 0.95
 """Shares of the detail that agrees: up to the first one both sides are different materials, and
 from the second one on the same."""
+
+_TINT, _LIGHT = 0.8, 1.3
+"""Differences of the logarithms of both sides, among channels and of their mean, up to which a step
+without detail is taken for light: factors of 0.6 to 1.35 differ by 0.8, colors of a palette by
+1 to 2 in tint."""
+
+_DARK = 0.04
+"""Share of the mean value that is added before logarithms are taken."""
 
 _NOTHING = 1e-20
 
@@ -112,25 +120,35 @@ def _same_material(
     shown: Floats, other: Floats, error: Floats, places: Floats, group: npt.NDArray[np.intp]
 ) -> Floats:
     # How far the detail of both sides along the seam agrees, up to an offset and a factor: from 0
-    # to 1, and 1 where no side has any. Seams with little detail are judged as all are.
+    # to 1. Seams with little detail are judged as all are; where no side has any, the step decides.
     both = np.column_stack([shown, other])
     near = _averaged(np.column_stack([both, error]), places, group, _NEAR)
-    detail = near[:, :-1] - _averaged(both, places, group, _LONG)
-    one, two = np.split(detail, 2, axis=1)
+    wide = _averaged(both, places, group, _LONG)
+    one, two = np.split(near[:, :-1] - wide, 2, axis=1)
     independent = np.clip(np.bincount(group)[group] / _INDEPENDENT[0], 1.0, _NEAR)
     # Of the error half, as second differences hold detail that both sides may share.
     chance = near[:, -1] / independent + _FAINT**2 * both.var(axis=0).sum()
-    products = [(one * two).sum(axis=1), (one**2).sum(axis=1), (two**2).sum(axis=1), chance]
-    energies = np.column_stack(products)
-    common, of_one, of_two, chance = _averaged(energies, places, group, _LONG).T
-    all_common, all_one, all_two, all_chance = energies.mean(axis=0)
-    common = common + all_common
+    light = chance * _looks_like_light(*np.split(wide, 2, axis=1))
+    products = [(one * two).sum(axis=1), (one**2).sum(axis=1), (two**2).sum(axis=1)]
+    energies = np.column_stack([*products, chance, light])
+    common, of_one, of_two, chance, light = _averaged(energies, places, group, _LONG).T
+    all_common, all_one, all_two, all_chance, all_light = energies.mean(axis=0)
+    common, chance, light = common + all_common, chance + all_chance, light + all_light
     total = np.sqrt(of_one * of_two) + np.sqrt(all_one * all_two)
-    chance = chance + all_chance
-    own = np.maximum(total - common - chance, 0.0)
-    agreeing = np.maximum(common, 0.0) + chance
+    own = np.maximum(total - common - chance, 0.0) + (chance - light)
+    agreeing = np.maximum(common, 0.0) + light
     share = agreeing / (own + agreeing + _NOTHING)
     return np.clip((share - _AGREES[0]) / (_AGREES[1] - _AGREES[0]), 0.0, 1.0)[:, None]
+
+
+def _looks_like_light(one: Floats, two: Floats) -> Floats:
+    # Whether two plain sides could be one color in two lights, from 0 to 1.
+    dark = _DARK * np.abs(np.concatenate([one, two])).mean() + _NOTHING
+    apart = np.log(np.maximum(one, 0.0) + dark) - np.log(np.maximum(two, 0.0) + dark)
+    light = apart.mean(axis=1)
+    tint = np.sqrt(((apart - light[:, None]) ** 2).sum(axis=1))
+    likely: Floats = 1.0 / (1.0 + (tint / _TINT) ** 4 + (light / _LIGHT) ** 4)
+    return likely
 
 
 def _averaged(values: Floats, places: Floats, group: npt.NDArray[np.intp], size: float) -> Floats:

@@ -288,7 +288,8 @@ def test_parts_that_share_an_edge_of_three_sheets_become_one():
     for number in range(3):
         image[:, 64 * number // 3 : 64 * (number + 1) // 3] = 0.2 + 0.3 * number
     inside = core.TextureAtlas(mesh, uv, size=(64, 64)).inside
-    result = core.stitch_textures(mesh, uv, image, core.StitchSettings(radius=1e4))
+    settings = core.StitchSettings(radius=1e4, seams="continue")
+    result = core.stitch_textures(mesh, uv, image, settings)
     assert np.ptp(result[inside]) < 0.02
 
 
@@ -454,6 +455,53 @@ def test_different_materials_stay_as_they_are():
     changes = [np.abs(each - image)[atlas.inside].mean() for each in (auto, all_of_them)]
     assert changes[1] > 0.05
     assert changes[0] < 0.05 * changes[1]
+
+
+def of_colors(colors, n=96):
+    """Charts that show one of the colors each."""
+    blocks = Blocks(picture(n), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    atlas = inside_of(mesh, blocks)
+    chart = np.maximum(atlas.masks().chart, 0)
+    return mesh, blocks.uv, np.asarray(colors, np.float32)[chart % len(colors)], atlas
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_plain_colors_of_a_palette_stay_and_one_color_in_many_lights_becomes_one(noise):
+    rng = np.random.default_rng(2)
+    palette = [[0.7, 0.15, 0.1], [0.15, 0.3, 0.7], [0.85, 0.75, 0.2], [0.1, 0.4, 0.15]]
+    mesh, uv, image, atlas = of_colors(palette)
+    grain = (noise * rng.standard_normal(image.shape)).astype(np.float32)
+    found = core.stitch_textures(mesh, uv, image + grain)
+    assert np.abs(found - image - grain)[atlas.inside].mean() < 0.01
+    color = np.array([0.45, 0.35, 0.25])
+    for lights in (rng.uniform(0.6, 1.35, (4, 1)), rng.uniform(0.75, 1.25, (4, 3))):
+        mesh, uv, image, atlas = of_colors(color * lights)
+        auto, everything = (
+            core.stitch_textures(
+                mesh, uv, image + grain, core.StitchSettings(radius=1e5, seams=seams)
+            )
+            for seams in ("auto", "continue")
+        )
+        moved = [np.abs(each - image - grain)[atlas.inside].mean() for each in (auto, everything)]
+        assert moved[0] > 0.9 * moved[1] > 0.02
+
+
+def test_plain_colors_stay_more_the_farther_apart_they_are_without_jumps():
+    moved = []
+    for size in np.linspace(0.1, 1.6, 16):
+        logs = size * np.array([[1.0, 0.0, -1.0], [-0.6, 1.0, 0.0], [0.0, -1.0, 0.7], [0, 0, 0]])
+        mesh, uv, image, atlas = of_colors(0.4 * np.exp(0.5 * logs))
+        auto, everything = (
+            core.stitch_textures(mesh, uv, image, core.StitchSettings(seams=seams))
+            for seams in ("auto", "continue")
+        )
+        change = [np.abs(each - image)[atlas.inside].mean() for each in (auto, everything)]
+        moved.append(change[0] / change[1])
+    assert moved[0] > 0.99
+    assert moved[-1] < 0.1
+    assert (np.diff(moved) < 0.02).all()
+    assert np.diff(moved).min() > -0.4
 
 
 @pytest.mark.parametrize("kind", [with_steps, with_factors])
