@@ -3,6 +3,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 LONGEST_GAP = 0.3
 """Of the run, in which the window may answer nothing; on two quiet cores 0.03."""
 
