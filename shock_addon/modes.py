@@ -586,7 +586,8 @@ MODES: list[Mode] = [
         ),
         "Filtered",
         "detail",
-        advice="a Gain of 1 changes nothing; 2 doubles detail, 0 smooths it away",
+        advice="a Gain of 1 changes nothing, nor does middle gray in a Gain Map; 2 doubles detail,"
+        " 0 smooths it away",
         about_in_images="Raise or smooth its detail on the surface of the selected objects that"
         " show it, across seams",
         presets=(

@@ -100,10 +100,13 @@ class KernelCache(FunctionCache):
             log.warning("Compiled code cannot be kept in %s (%s).", self.cache_path, error)
 
 
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""No C code calls kernels: a wrapper for it would take some of the time to compile."""
+
+
 def compile_kernel(function: Callable[..., Any], keep: bool = True) -> Any:
     """Return numba's dispatcher of a kernel; `keep` its code on disk."""
-    # No C code calls kernels: a wrapper for it would take a tenth of the time to compile.
-    kernel = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+    kernel = njit(**_OPTIONS)(function)
     return keep_on_disk(kernel) if keep else kernel
 
 

@@ -31,7 +31,7 @@ PATIENCE_AT_HUBS = 100
 LIMIT = 1000
 """Most iterations with multigrid."""
 
-_ALONE = 40_000
+ALONE = 40_000
 """Most rows for which one thread iterates alone; two cores together are faster from 50,000 on."""
 
 _AT_ONCE = 8
@@ -190,7 +190,7 @@ def _conjugate_gradients(
     kind = r.dtype.type
     # Not zeros_like, which writes the zeros now and in this thread.
     x, p, q = (np.zeros(r.shape, r.dtype) for _ in range(3))
-    if hierarchy is None and n <= _ALONE:
+    if hierarchy is None and n <= ALONE:
         return x, *_iterate_alone(matrix, r, x, p, q, tolerance, limit, message)
     flat = [array.reshape(-1) for array in (x, p, q, r)]
     size = chunk_size(n)

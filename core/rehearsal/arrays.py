@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ..atlas.atlas import TextureAtlas
 from ..flow.borders import measured
-from ..linear.cg import solve
+from ..linear.cg import ALONE, solve
 from ..linear.system import LinearSystem
 from ..mesh.triangle_mesh import TriangleMesh
 from ..registry import Filter
@@ -53,9 +53,10 @@ def runs_on_textures(rows: list[Filter], model: Textured, size: int) -> Iterator
 
 
 def runs_on_meshes(mesh: TriangleMesh) -> Iterator[Callable[[], Any]]:
-    """Yield what few meshes need: borders without crests, slow solves, and repeated entries."""
+    """Yield what few or large meshes need: borders without crests, solves, repeated entries."""
     yield partial(_few_borders, mesh)
     yield _slow_solve
+    yield _large_solves
     for dtype in (np.float32, np.float64):
         yield partial(_sparse, dtype)
 
@@ -127,15 +128,30 @@ def _slow_solve() -> None:
     n = 1000
     rows = np.concatenate([np.arange(n - 1), np.zeros(n - 2, int)])
     to = np.concatenate([np.arange(1, n), np.arange(2, n)])
+    system = _system(rows, to, np.full(n, 1e-3))
+    solve(system, np.linspace(-1.0, 1.0, n), 1e-6, multigrid=True)
+
+
+def _large_solves() -> None:
+    # Several threads share the rows of more than `ALONE`.
+    n = ALONE + 1
+    system = _system(np.arange(n - 1), np.arange(1, n), np.ones(n))
+    for columns in (1, 3):
+        right = np.linspace(-1.0, 1.0, columns * n).reshape(n, columns)
+        for precise in (False, True):
+            solve(system, right, 1e-6, precise=precise)
+
+
+def _system(rows: npt.NDArray, to: npt.NDArray, screen: npt.NDArray) -> LinearSystem:
+    # Weights of one between rows, and screening.
+    n = len(screen)
     of, to = np.concatenate([rows, to]), np.concatenate([to, rows])
     order = np.lexsort((to, of))
     of, to = of[order], to[order].astype(np.int32)
     start = np.searchsorted(of, np.arange(n + 1)).astype(np.int32)
-    weights, screen = np.ones(len(to)), np.full(n, 1e-3)
-    diagonal = screen.copy()
+    weights, diagonal = np.ones(len(to)), screen.copy()
     np.add.at(diagonal, of, weights)
-    system = LinearSystem(start, to, weights, screen, diagonal)
-    solve(system, np.linspace(-1.0, 1.0, n), 1e-6, multigrid=True)
+    return LinearSystem(start, to, weights, screen, diagonal)
 
 
 def _sparse(dtype: npt.DTypeLike) -> None:

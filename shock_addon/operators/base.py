@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
@@ -37,6 +37,8 @@ summaries: dict[str, str] = {}
 details: dict[str, str] = {}
 """What the panel folds of these reports; nothing of most."""
 
+textures: dict[str, set[int]] = {}
+"""The uids of the textures that they are about, before and after the run."""
 
 listener: Any = None
 """Progress callback during `execute`, for the progress bar and Ctrl-C of the command line.
@@ -253,6 +255,7 @@ class FilterOperator(ModalJob):
         with self._errors_reported(_FAILED):
             data.image.stand_in.put_away()
             _subjects[self.key] = data.chosen.subjects(context)
+            textures.pop(self.key, None)
             if self.chooses:
                 found.pop(self.key, None)
                 owners[self.key] = data.chosen.subjects(context)
@@ -385,9 +388,15 @@ def _choices(operator: Any, target: Target, finding: Finding, scale: float) -> d
     return chosen
 
 
-def summary_of(context: bpy.types.Context, key: str) -> str:
-    """Return the last report of a mode, if it is about the current selection; empty if not."""
+def summary_of(context: bpy.types.Context, key: str, image: str = "") -> str:
+    """Return the last report of a mode, if it is about the current selection; empty if not.
+
+    Of textures it must also be about the one that is chosen, by its name or by the material.
+    """
     same = data.chosen.subjects(context) & _subjects.get(key, set())
+    if same and (about := textures.get(key)):
+        with suppress(Skipped):
+            same = about & {data.chosen.chosen_image(context, image).session_uid}
     return summaries.get(key, "") if same else ""
 
 

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..data.skipped import Refused, Skipped, explain, sentences
 from . import poll as obstacles
-from .base import Done, Written, counted
+from .base import Done, Written, counted, textures
 from .images import OneImageOperator
 
 
@@ -114,6 +114,8 @@ class TextureOperator(OneImageOperator):
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write all images; live ones note how they can be made again."""
         done = super().write(context, results)
+        textures[self.key] = {each.target.image_uid for each in done[0]}
+        textures[self.key] |= {each.data.session_uid for each in done[0]}
         if self.output == "LIVE":
             values = {name: getattr(self, name) for name in self.row.names_for(self)}
             values |= {"image": self.image, "result": self.result}

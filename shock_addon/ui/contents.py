@@ -131,9 +131,10 @@ def _draw_report(
         return
     if announced := obstacles.announcement(context, mode, settings):
         draw_text(layout, context, announced, icon="INFO")
+    image = settings.image if mode.data.handled_as == "textures" else ""
     if before := comparing.note(context):
         draw_text(layout, context, before, icon="ERROR")
-    elif summary := operators.summary_of(context, key or mode.group):
+    elif summary := operators.summary_of(context, key or mode.group, image):
         draw_text(layout, context, summary)
         _draw_details(layout, context, key or mode.group)
 

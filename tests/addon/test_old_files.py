@@ -122,7 +122,9 @@ def test_what_was_never_set_goes_by_width():
         assert getattr(kept, key).time == BY_WIDTH == ShockSettings().time
 
 
-def test_a_preset_of_a_panel_does_what_it_did():
+def test_a_preset_of_a_panel_does_what_it_did(monkeypatch):
+    panel = bpy.types.SHOCK_FILTER_PT_image_presets
+    monkeypatch.setattr(panel, "bl_label", panel.bl_label)  # which then is the preset's
     enter("Untouched", "Sheet")
     bpy.ops.script.execute_preset(
         filepath=str(OLD / "panel_preset.py"), menu_idname="SHOCK_FILTER_PT_image_presets"

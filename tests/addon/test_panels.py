@@ -663,7 +663,7 @@ def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypa
     assert not getattr(cls, "bl_parent_id", "") and "DEFAULT_CLOSED" in cls.bl_options
     rounded_box()
     bpy.context.object.data.uv_layers.new()
-    monkeypatch.setattr(operators, "summary_of", lambda _, key: f"Report of {key}.")
+    monkeypatch.setattr(operators, "summary_of", lambda _, key, image="": f"Report of {key}.")
     monkeypatch.setattr(operators, "details_of", lambda _, key: f"Folded of {key}.")
     drawn = draw(cls)
     assert words(drawn, "operator") == ["Bake 3 Maps", "Selected to Active"]
@@ -685,7 +685,7 @@ def test_the_report_of_generate_is_below_its_button_not_below_its_settings(
 ):
     rounded_box()
     bpy.context.object.data.uv_layers.new()
-    monkeypatch.setattr(operators, "summary_of", lambda _, key: f"Report of {key}.")
+    monkeypatch.setattr(operators, "summary_of", lambda _, key, image="": f"Report of {key}.")
     drawn = draw(panels.SHOCK_FILTER_PT_generate)
     report = drawn.index(("label", "Report of generate."))
     button = drawn.index(("operator", ("shock_filter.generate",)))

@@ -150,6 +150,19 @@ def test_the_materials_keep_the_image_if_asked_to(sheet):
     assert node_images(sheet.obj) == ["Wood"]
 
 
+@pytest.mark.parametrize("assign", [False, True])
+def test_the_report_is_about_the_texture_that_is_shown(sheet, assign):
+    nodes, source = sheet.obj.active_material.node_tree.nodes, sheet.image
+    node = next(n for n in nodes if n.type == "TEX_IMAGE")
+    sharpen("EXEC_DEFAULT", assign=assign)
+    assert "Wood" in operators.summary_of(bpy.context, "texture")
+    node.image = add_image("Another")
+    assert operators.summary_of(bpy.context, "texture") == ""
+    assert "Wood" in operators.summary_of(bpy.context, "texture", source.name)
+    node.image = source
+    assert "Wood" in operators.summary_of(bpy.context, "texture")
+
+
 def test_nodes_in_groups_and_several_materials_get_the_result():
     image = add_image()
     obj = add_sheet(material=add_material(image))

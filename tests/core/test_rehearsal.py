@@ -2,6 +2,8 @@
 """The runs of all filters on tiny examples."""
 
 import pytest
+from shock_filter.core.linear import cg
+from shock_filter.core.rehearsal import arrays
 from shock_filter.core.rehearsal import rehearse as rehearsal
 from shock_filter.core.shape import learned
 
@@ -44,3 +46,22 @@ def test_noise_takes_denoising_through_all_its_stages(monkeypatch):
     rehearsal._denoise()
     assert seen == learned.networks()
     assert rehearsal._denoise in list(rehearsal._runs({"colors"}))
+
+
+def test_solves_of_small_and_of_large_meshes_are_both_rehearsed(monkeypatch):
+    # Else large meshes find no kernels in the extension.
+    assert arrays._large_solves in list(rehearsal._runs({"colors"}))
+    seen = set()
+    run = cg.run
+
+    def noted(function, count, *arguments, **chunk):
+        for array in arguments:
+            if getattr(array, "ndim", 0) == 2:  # the search direction
+                seen.add((function.__name__, array.dtype.char))
+        return run(function, count, *arguments, **chunk)
+
+    monkeypatch.setattr(cg, "run", noted)
+    monkeypatch.setattr(cg, "_iterate_alone", None)
+    arrays._large_solves()
+    applied = {each for each in seen if each[0].startswith("_apply")}
+    assert applied == {(name, char) for name in ("_apply", "_apply_three") for char in "fd"}

@@ -3,8 +3,6 @@
 
 import pytest
 
-pytestmark = pytest.mark.slow
-
 LONGEST_GAP = 0.3
 """Of the run, in which the window may answer nothing; on two quiet cores 0.03."""
 

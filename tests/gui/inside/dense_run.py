@@ -48,6 +48,7 @@ def scenario() -> Steps:
         for wait in WAITS:
             yield from cancelled_run(name, seen["cancelled"], wait)
         yield from whole_run(name, seen)
+        seen["done"] = positions("Grid")
         bpy.ops.ed.undo()
         yield DRAWN
         seen["undone"] = positions("Grid")
