@@ -4,6 +4,7 @@
 import time
 
 import bpy
+import numpy as np
 import scene
 from harness import (
     DRAWN,
@@ -34,6 +35,7 @@ def scenario() -> Steps:
         yield from finished()
     scene.clear()
     scene.add_bumpy_grid("Grid", SIDE)
+    add_roof(bpy.data.objects["Grid"].data)
     scene.look()
     # Out of sight: without a graphics card each frame takes longer than what is measured.
     area("VIEW_3D").spaces.active.region_3d.view_location = (1000, 1000, 0)
@@ -52,6 +54,16 @@ def scenario() -> Steps:
         bpy.ops.ed.undo()
         yield DRAWN
         seen["undone"] = positions("Grid")
+
+
+def add_roof(mesh: bpy.types.Mesh) -> None:
+    """Add a roof whose ridge is rounded over some edges, and a little noise."""
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    noise = np.random.default_rng(0).normal(size=len(mesh.vertices))
+    points[2::3] += (0.05 * noise - np.hypot(SIDE / 2 * points[0::3], 1.5)) * 2 / SIDE
+    mesh.vertices.foreach_set("co", points)
+    mesh.update()
 
 
 def whole_run(name: str, seen: dict) -> Steps:
