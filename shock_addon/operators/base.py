@@ -400,9 +400,9 @@ def summary_of(context: bpy.types.Context, key: str, image: str = "") -> str:
     return summaries.get(key, "") if same else ""
 
 
-def details_of(context: bpy.types.Context, key: str) -> str:
+def details_of(context: bpy.types.Context, key: str, image: str = "") -> str:
     """Return what is folded of the report that `summary_of` returns."""
-    return details.get(key, "") if summary_of(context, key) else ""
+    return details.get(key, "") if summary_of(context, key, image) else ""
 
 
 def can_run(operator: type, obstacle: str) -> bool:

@@ -136,12 +136,14 @@ def _draw_report(
         draw_text(layout, context, before, icon="ERROR")
     elif summary := operators.summary_of(context, key or mode.group, image):
         draw_text(layout, context, summary)
-        _draw_details(layout, context, key or mode.group)
+        _draw_details(layout, context, key or mode.group, image)
 
 
-def _draw_details(layout: bpy.types.UILayout, context: bpy.types.Context, key: str) -> None:
+def _draw_details(
+    layout: bpy.types.UILayout, context: bpy.types.Context, key: str, image: str
+) -> None:
     """Draw what few need of the last report, folded."""
-    if details := operators.details_of(context, key):
+    if details := operators.details_of(context, key, image):
         header, body = layout.panel(f"SHOCK_FILTER_{key}_details", default_closed=True)
         header.label(text="Details")
         if body:

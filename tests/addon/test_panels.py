@@ -664,7 +664,7 @@ def test_maps_have_a_panel_of_their_own_with_their_reports(rounded_box, monkeypa
     rounded_box()
     bpy.context.object.data.uv_layers.new()
     monkeypatch.setattr(operators, "summary_of", lambda _, key, image="": f"Report of {key}.")
-    monkeypatch.setattr(operators, "details_of", lambda _, key: f"Folded of {key}.")
+    monkeypatch.setattr(operators, "details_of", lambda _, key, image="": f"Folded of {key}.")
     drawn = draw(cls)
     assert words(drawn, "operator") == ["Bake 3 Maps", "Selected to Active"]
     said = words(drawn, "label")
