@@ -184,6 +184,19 @@ def _turn(means: Floats) -> Floats:
     return out
 
 
+def _is_inside_out(mesh: TriangleMesh) -> bool:
+    # Its volume is below 0 by more than what its holes leave open.
+    volume, open_area = 0.0, 0.0
+    for x, normal in enumerate(mesh.normals.T):
+        directed = mesh.areas * normal
+        places = mesh.scaled_vertices[:, x]
+        places = places - places.mean()
+        middle = places[mesh.faces[:, 0]] + places[mesh.faces[:, 1]] + places[mesh.faces[:, 2]]
+        volume += float(directed @ middle) / 9.0
+        open_area += abs(float(directed.sum())) * float(np.abs(places).max(initial=0.0))
+    return volume < -open_area
+
+
 class _Surroundings:
     # Tells of faces what is known beside the distances of pairs; of each vertex once.
 
@@ -194,6 +207,8 @@ class _Surroundings:
         self._heights = np.empty((mesh.vertex_count, len(_PASSES)))
         run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far,
             self._heights)  # fmt: skip
+        if _is_inside_out(mesh):
+            self._heights *= -1.0
         changes = np.empty((mesh.face_count, _AROUND))
         run(_measure_changes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
             mesh.areas, mesh.twins, everywhere, np.array(_CHANGES), np.array(_ALIKE),

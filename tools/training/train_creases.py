@@ -2,8 +2,8 @@
 """Train the network that weighs the normals of faces along creases.
 
 ``python tools/training/train_creases.py`` makes solids from seeds, learns from them, and writes
-``core/shape/creases.npz``. It needs what the extra ``training`` names, and about an hour on two
-cores. Made solids stay in the folder, so that a run that was stopped goes on.
+``core/shape/creases.npz``. It needs what the extra ``training`` names, and about an hour and a half
+on two cores. Made solids stay in the folder, so that a run that was stopped goes on.
 """
 
 from __future__ import annotations
