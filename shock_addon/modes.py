@@ -445,7 +445,7 @@ MODES: list[Mode] = [
                 "Subtle",
                 "For surfaces that are nearly right: creases tighten, and vertices move less far"
                 " than by default. Gentle curves stay as they are",
-                {"time": 16.0, "feature_threshold": 1.3},
+                {"amount": 0.5},
             ),
             Preset(
                 "Crisp CAD Edges",

@@ -4,7 +4,8 @@
 Not in the papers. Nine candidates a face: its own normal; means of those around, over 0, 2 and 8
 smoothing passes; two flows, one of them longer; and what is left when its own normal and both flows
 take sides, as `sides` has it. The network sees how far all pairs of them are apart, how far
-smoothing would move the surface, and the means of such measures around the face, at three sizes.
+smoothing would move the surface and to which side, and the means of such measures around the face,
+at three sizes.
 
 A smaller network, the gate, sees what is known before anything takes sides, and tells which faces
 may turn at all; the others are not asked.
@@ -60,7 +61,7 @@ _AT_ONCE = 1 << 15
 _AROUND = len(_CHANGES) + len(_ALIKE) + 3
 """Measures that are averaged: also the turn across edges, the shape of faces and the height."""
 
-_BESIDE_PAIRS = len(_PASSES) + _AROUND * (1 + len(_CELLS))
+_BESIDE_PAIRS = 2 * len(_PASSES) + _AROUND * (1 + len(_CELLS))
 
 TOLD = pair_count(CANDIDATES) + _BESIDE_PAIRS
 """Numbers that the network is told of a face."""
@@ -72,7 +73,7 @@ TOLD_FIRST = [
 ]  # fmt: skip
 """Those of them that the gate is told."""
 
-DEFINITION = digest("creases 3", repr((CANDIDATES, TAKES_SIDES, LONGER, round(float(_STILL), 9),
+DEFINITION = digest("creases 4", repr((CANDIDATES, TAKES_SIDES, LONGER, round(float(_STILL), 9),
                                        _PASSES, _CHANGES, _ALIKE, _CELLS, _AROUND)))  # fmt: skip
 """Changes with what the numbers mean; count the first word up when the code changes them."""
 
@@ -183,6 +184,19 @@ def _turn(means: Floats) -> Floats:
     return out
 
 
+def _is_inside_out(mesh: TriangleMesh) -> bool:
+    # Its volume is below 0 by more than what its holes leave open.
+    volume, open_area = 0.0, 0.0
+    for x, normal in enumerate(mesh.normals.T):
+        directed = mesh.areas * normal
+        places = mesh.scaled_vertices[:, x]
+        places = places - places.mean()
+        middle = places[mesh.faces[:, 0]] + places[mesh.faces[:, 1]] + places[mesh.faces[:, 2]]
+        volume += float(directed @ middle) / 9.0
+        open_area += abs(float(directed.sum())) * float(np.abs(places).max(initial=0.0))
+    return volume < -open_area
+
+
 class _Surroundings:
     # Tells of faces what is known beside the distances of pairs; of each vertex once.
 
@@ -193,6 +207,8 @@ class _Surroundings:
         self._heights = np.empty((mesh.vertex_count, len(_PASSES)))
         run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far,
             self._heights)  # fmt: skip
+        if _is_inside_out(mesh):
+            self._heights *= -1.0
         changes = np.empty((mesh.face_count, _AROUND))
         run(_measure_changes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
             mesh.areas, mesh.twins, everywhere, np.array(_CHANGES), np.array(_ALIKE),
@@ -330,10 +346,12 @@ def _tell_around(start, stop, rows, faces, heights, measures, told):
     # Means over a face's corners.
     for r in range(start, stop):
         a, b, c = faces[rows[r], 0], faces[rows[r], 1], faces[rows[r], 2]
+        begin = 2 * heights.shape[1]
         for i in range(heights.shape[1]):
             height = (abs(heights[a, i]) + abs(heights[b, i]) + abs(heights[c, i])) / 3.0
             told[r, i] = np.log(height + 0.005) + 3.0
-        begin = heights.shape[1]
+            height = (heights[a, i] + heights[b, i] + heights[c, i]) / (3.0 * (height + 0.005))
+            told[r, heights.shape[1] + i] = height  # from -1, concave, to 1, convex
         for i in range(measures.shape[1]):
             total = np.float64(measures[a, i]) + measures[b, i] + measures[c, i]
             told[r, begin + i] = total / 3.0  # in double precision: the order does not matter

@@ -159,11 +159,12 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     with phase(0.9, 1.0, message):
         crest = _crests(mesh, found)
         if settings.widest_fillet > 0:
-            wide, narrow = _fillets(mesh, found, crest, settings.widest_fillet)
+            wide, clear = _fillets(mesh, found, crest, settings.widest_fillet)
             closed, _ = mixture(found.normals, scores, TAKES_SIDES)
+            turns = cosines(found.normals[:, 0].astype(np.float64), closed) < _TURNED
+            too_wide = bool((turns & (wide * clear > 0.5)).any())
+            narrow = (1.0 - wide) * clear
             _mix_to(normals, closed, narrow)
-            turns = cosines(found.normals[:, 0].astype(np.float64), normals) < _TURNED
-            too_wide = bool((turns & (wide > 0.5)).any())
             _mix_to(normals, found.normals[:, 0].astype(np.float64), wide)
             sided += narrow * (1.0 - sided)
             sided *= 1.0 - wide
@@ -221,7 +222,7 @@ def _crests(mesh: TriangleMesh, found: Candidates) -> Floats:
 def _fillets(
     mesh: TriangleMesh, found: Candidates, crest: Floats, widest: float
 ) -> tuple[Floats, Floats]:
-    # How surely a face lies at a rounding that is wider than asked for, and at one that is not.
+    # How surely a face lies at what is rounded more widely than asked for, and at a rounding.
     sums = np.stack([crest, crest * widths(found)], axis=1)
     sums = smooth_vertices(mesh, sums, _AROUND)
     width = np.divide(sums[:, 1], sums[:, 0], out=np.zeros(len(sums)), where=sums[:, 0] > 0)
@@ -229,7 +230,7 @@ def _fillets(
     wide = greatest_to_faces(mesh, ramp(width, (most - _MARGIN, most + _MARGIN)))
     clear = dilation(mesh, ramp(np.degrees(np.sqrt(crest)), _CLEAR), _RINGS)
     wide, clear = wide[found.rows], greatest_to_faces(mesh, clear)[found.rows]
-    return wide, (1.0 - wide) * clear
+    return wide, clear
 
 
 def _radii(

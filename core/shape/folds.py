@@ -314,8 +314,10 @@ def _grade(start, stop, among, vertices, moved, faces, twins, before, areas, uni
             if bent > _ALREADY:
                 least = min(max(min(_FOLD, least), _CLEAR), bent - _SAME)
             m, area = _normal_and_area(vertices, moved, faces, g)
-            certain = 1.0 - max(gone, _gone(unit * area, areas[g]))
-            grades[i] = max(grades[i], certain * _graded(dot(n, m), least, bent))
+            most = max(gone, _gone(unit * area, areas[g]))
+            grade = (1.0 - most) * _graded(dot(n, m), least, bent)
+            # Of a fold, the face is bad that has lost more of its area; if all, as it has.
+            grades[i] = max(grades[i], grade + max(2.0 * gone - most, 0.0))
 
 
 @kernel

@@ -482,7 +482,7 @@ def test_a_patch_is_sharpened_by_default_nearly_as_the_whole(rounded_box):
     moving = whole > 0.2 * whole.max()
     assert moving.sum() > 50
     assert np.median(apart[moving] / whole[moving]) < 0.1
-    assert apart.max() < 0.1 * whole.max()
+    assert apart.max() < 0.2 * whole.max()
 
 
 def bumpy_sheet(cells, cell, left, roughness=0.02):

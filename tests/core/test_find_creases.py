@@ -106,7 +106,7 @@ def test_sharp_creases_beside_soft_ones_are_found_too():
     assert {line.state for line in lines} == {"closes", "sharp"}
     on_cube = (np.abs(vertices - vertices.mean(axis=0)) == 10).sum(axis=1) >= 2
     found = np.unique(edges(lines))
-    assert np.isin(np.flatnonzero(on_cube), found).mean() > 0.95
+    assert np.isin(np.flatnonzero(on_cube), found).mean() > 0.93
     assert on_cube[found].mean() > 0.9
 
 

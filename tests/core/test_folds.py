@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Folds that a refit makes are repaired, and what cannot be fitted goes back."""
 
+import crease_examples
 import numpy as np
 import pytest
 from remeshed import turned_box
@@ -133,6 +134,14 @@ def test_faces_that_lose_their_area_get_it_back(box):
     assert f in checks.bad_faces(moved, np.arange(box.face_count))
     after = box.moved_to(box.vertices + mended(box, box.normals, moved, None))
     assert after.areas[f] > 0.02 * box.areas[f]
+
+
+def test_thin_walls_have_no_new_folds_at_faces_that_lose_most_of_their_area():
+    mesh = crease_examples.remeshed(50_000_002, cells=(30, 125)).mesh
+    moved = core.sharpen_geometry(mesh) - mesh.vertices
+    assert folded(mesh, np.zeros(moved.shape)) == 0
+    assert moved.any()
+    assert folded(mesh, moved) == 0
 
 
 @pytest.mark.parametrize("seed", [3, 5])

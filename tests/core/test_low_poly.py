@@ -91,7 +91,7 @@ def test_sources_lie_where_the_new_vertices_and_faces_are():
     mesh = parts.remeshed(parts.bracket()[0], 56)
     low = core.crisp_low_poly(mesh)
     far = np.linalg.norm(low.vertices - mesh.vertices[low.vertex_source], axis=1)
-    assert far.max() < 2.0 * mesh.mean_edge_length
+    assert far.max() < 3.0 * mesh.mean_edge_length
     normals = of(low).normals * mesh.normals[low.face_source]
     assert np.median(normals.sum(axis=1)) > 0.9
     given = mesh.faces[low.corner_source // 3, low.corner_source % 3]

@@ -55,14 +55,22 @@ class Example:
     spacing: float = 0.0
 
 
-def remeshed(seed, kinds=None, meshings=None, cells=None, noise=None) -> Example:
-    """A solid out of voxels; `cells` is their number along each side, or its range."""
+def remeshed(
+    seed, kinds=None, meshings=None, cells=None, noise=None, closer: float = 1.0
+) -> Example:
+    """A solid out of voxels; `cells` is their number along each side, or its range.
+
+    Half of those that are seen closer, up to so many times, are pieces out of larger solids.
+    """
     rng = np.random.default_rng(seed)
     kind = str(rng.choice(KINDS, p=SHARES) if kinds is None else rng.choice(kinds))
     fewest, most = (30, 105) if cells is None else (cells, cells) if np.isscalar(cells) else cells
     n = int(np.exp(rng.uniform(np.log(fewest), np.log(most))))
     h = 2 * EXTENT / (n - 1)
-    shape = solid(rng, kind, h)
+    times = np.exp(rng.uniform(0, np.log(closer))) if closer > 1 and rng.random() < 0.5 else 1.0
+    shape = solid(rng, kind, h / times)
+    if times > 1:
+        shape = _seen_closer(rng, shape, times)
     how = str(rng.choice(MESHINGS, p=HOW_OFTEN) if meshings is None else rng.choice(meshings))
     amount = (rng.uniform(0, 0.05) if rng.random() < 0.35 else 0.0) if noise is None else noise
     d = sampled(shape, n)
@@ -76,6 +84,8 @@ def remeshed(seed, kinds=None, meshings=None, cells=None, noise=None) -> Example
     cubes = how == "cubes" or (how in ("blurred", "softened") and rng.random() < 0.3)
     v, f = marching_cubes(d) if cubes else surface_nets(d)
     v = v * h - EXTENT
+    if how == "voxels" and rng.random() < 0.15:  # Blender's Preserve Volume
+        v = nearest(shape, v, h)
     edge = mean_edge(v, f)
     if how == "uneven" or (how in ("crisp", "softened") and rng.random() < 0.6):
         v = _scattered(rng, v, f, edge, shape, h)
@@ -90,6 +100,16 @@ def remeshed(seed, kinds=None, meshings=None, cells=None, noise=None) -> Example
         v = v + rng.normal(size=v.shape) * amount * edge
     targets = lambda rows: truths(shape, centres[rows], edge, h)  # noqa: E731
     return Example(core.TriangleMesh(v, f), targets, kind, how, shape, h)
+
+
+def _seen_closer(rng, shape: Solid, times: float) -> Solid:
+    # Around a place of its surface, cut at the border of the grid.
+    at = nearest(shape, rng.uniform(-0.8, 0.8, (1, 3)), 1.0, 8)
+
+    def distance(p):
+        return np.maximum(times * shape(p / times + at), greatest(abs(p)) - 1.38)
+
+    return distance
 
 
 def relief(seed) -> Example:

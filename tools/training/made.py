@@ -60,6 +60,7 @@ MAKERS: dict[str, Callable[[int], examples.Example]] = {
             "mixed",
         ),
         meshings=("voxels",),
+        closer=3.0,
     ),
     "subdivided": examples.subdivided,
 }

@@ -56,10 +56,10 @@ def _evaluated(solid, points):
 def renormalized(d: Floats, spacing: float) -> Floats:
     """What a voxel remesh by OpenVDB, as Blender's, makes of distances before it meshes them.
 
-    They reach one voxel far. Less 0.8 of a voxel, one step of |grad d| = 1 with upwind differences
-    is taken, and where that makes them smaller it stays. It widens the strips along creases.
+    Less 0.8 of a voxel, one step of |grad d| = 1 with upwind differences is taken, and where that
+    makes them smaller it stays. It doubles the width of the strips along concave creases.
     """
-    level = np.clip(d / spacing, -1, 1) - 0.8
+    level = d / spacing - 0.8
     squares = np.zeros_like(level)
     for axis in range(3):
         steps = np.diff(level, axis=axis)
@@ -68,9 +68,8 @@ def renormalized(d: Floats, spacing: float) -> Floats:
         ahead = np.concatenate([steps, none], axis)
         sign = np.where(level > 0, 1.0, -1.0)
         squares += np.maximum(np.maximum(sign * back, 0), np.maximum(-sign * ahead, 0)) ** 2
-    slopes = np.sqrt(squares)
-    new = level - level / np.sqrt(level**2 + squares) * (slopes - 1)
-    return spacing * (np.where(abs(d) < spacing, np.minimum(level, new), level) + 0.8)
+    step = level / np.sqrt(level**2 + squares) * (np.sqrt(squares) - 1)
+    return spacing * (np.minimum(level, level - step) + 0.8)
 
 
 def surface_nets(d: Floats) -> tuple[Floats, np.ndarray]:

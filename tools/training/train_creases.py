@@ -2,8 +2,8 @@
 """Train the network that weighs the normals of faces along creases.
 
 ``python tools/training/train_creases.py`` makes solids from seeds, learns from them, and writes
-``core/shape/creases.npz``. It needs what the extra ``training`` names, and about an hour on two
-cores. Made solids stay in the folder, so that a run that was stopped goes on.
+``core/shape/creases.npz``. It needs what the extra ``training`` names, and about an hour and a half
+on two cores. Made solids stay in the folder, so that a run that was stopped goes on.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ MADE_OF = ("adam.py", "crease_examples.py", "distances.py", "made.py", "meshings
            "train_creases.py")  # fmt: skip
 """The scripts that the networks come from."""
 
-VERSION = 2
+VERSION = 3
 """Counts the trainings that were shipped."""
 
-COUNTS = {"remeshed": 1800, "narrow": 400, "coarse": 400, "relief": 260, "scanned": 200,
-          "modelled": 1100, "softened": 240, "sculpted": 900, "sharp": 500,
-          "decimated": 900, "exact": 600, "voxels": 1000, "subdivided": 400}  # fmt: skip
+COUNTS = {"remeshed": 1300, "narrow": 350, "coarse": 350, "relief": 225, "scanned": 175,
+          "modelled": 960, "softened": 210, "sculpted": 700, "sharp": 390,
+          "decimated": 790, "exact": 440, "voxels": 1900, "subdivided": 350}  # fmt: skip
 """How many seeds of each kind; see `made.MAKERS`."""
 
 HIDDEN = 128, 64
