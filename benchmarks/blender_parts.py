@@ -48,31 +48,23 @@ class Part:
     def errors(self, vertices: Floats) -> tuple[Floats, Floats]:
         """Degrees and areas of the faces, whose vertices are now at other places."""
         tree = BVHTree.FromPolygons(*(x.tolist() for x in self.design))
-        wanted, _ = normals_of(*self.design)
-        normals, areas = normals_of(vertices, self.faces)
-        corners = vertices[self.faces]
-        step = 0.05 * np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean()
-        near = np.array([tree.find_nearest(p)[0] for p in corners.mean(axis=1).tolist()])
-        best = np.full(len(normals), -1.0)
+        wanted = core.TriangleMesh(*self.design).normals
+        mesh = core.TriangleMesh(vertices, self.faces)
+        step = 0.05 * mesh.mean_edge_length
+        centers = vertices[self.faces].mean(axis=1)
+        near = np.array([tree.find_nearest(p)[0] for p in centers.tolist()])
+        best = np.full(mesh.face_count, -1.0)
         for way in WAYS:
             found = [tree.find_nearest(p)[2] for p in (near + step * way).tolist()]
-            best = np.maximum(best, (wanted[found] * normals).sum(axis=1))
-        return np.degrees(np.arccos(np.clip(best, -1.0, 1.0))), areas
+            best = np.maximum(best, (wanted[found] * mesh.normals).sum(axis=1))
+        return np.degrees(np.arccos(np.clip(best, -1.0, 1.0))), mesh.areas
 
     def folds(self, vertices: Floats) -> int:
         """Edges that close beyond 150 degrees."""
-        normals, _ = normals_of(vertices, self.faces)
-        twins = core.TriangleMesh(vertices, self.faces).twins
-        face, side = np.nonzero(twins >= 0)
-        cosines = (normals[face] * normals[twins[face, side] // 3]).sum(axis=1)
+        mesh = core.TriangleMesh(vertices, self.faces)
+        face, side = np.nonzero(mesh.twins >= 0)
+        cosines = (mesh.normals[face] * mesh.normals[mesh.twins[face, side] // 3]).sum(axis=1)
         return int((cosines < np.cos(np.radians(150.0))).sum()) // 2
-
-
-def normals_of(vertices: Floats, faces: Triangles) -> tuple[Floats, Floats]:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    areas = np.linalg.norm(normals, axis=1)
-    return normals / np.maximum(areas, 1e-300)[:, None], areas
 
 
 def remeshed(obj: bpy.types.Object, turn: Euler, voxel: float) -> Part:
@@ -103,6 +95,7 @@ def _arrays(mesh: bpy.types.Mesh) -> tuple[Floats, Triangles]:
 
 
 def random_part(kind: str, seed: int) -> Part:
+    """Make a part of a kind of `COUNTS` from a seed."""
     rng = np.random.default_rng(seed)
     bpy.ops.wm.read_homefile(use_empty=True)
     voxel = float(np.exp(rng.uniform(*np.log(VOXELS))))
@@ -179,6 +172,7 @@ def _round(rng: np.random.Generator) -> bpy.types.Object:
 
 
 def notched(turn: Euler, voxel: float) -> Part:
+    """Make the box of `NOTCH`."""
     bpy.ops.wm.read_homefile(use_empty=True)
     boxes = []
     for place, size in (((0, 0, 0), (2, 1.4, 1)), ((1, 0, 0.5), (1, 4, 0.6))):
