@@ -69,23 +69,25 @@ class Part:
 
 def remeshed(obj: bpy.types.Object, turn: Euler, voxel: float) -> Part:
     """Turn what an object's modifiers make of it, and remesh it by voxels of a size."""
-    _apply(obj)
+    apply(obj)
     obj.data.transform(turn.to_matrix().to_4x4())
-    design = _arrays(obj.data)
+    design = arrays(obj.data)
     modifier = obj.modifiers.new("Remesh", "REMESH")
     modifier.mode, modifier.voxel_size, modifier.adaptivity = "VOXEL", voxel, 0.0
-    _apply(obj)
-    return Part(*_arrays(obj.data), design)
+    apply(obj)
+    return Part(*arrays(obj.data), design)
 
 
-def _apply(obj: bpy.types.Object) -> None:
+def apply(obj: bpy.types.Object) -> None:
+    """Make an object's modifiers its mesh."""
     evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = bpy.data.meshes.new_from_object(evaluated)
     obj.modifiers.clear()
     obj.data = mesh
 
 
-def _arrays(mesh: bpy.types.Mesh) -> tuple[Floats, Triangles]:
+def arrays(mesh: bpy.types.Mesh) -> tuple[Floats, Triangles]:
+    """Return places and triangles."""
     mesh.calc_loop_triangles()
     places = np.empty(3 * len(mesh.vertices), dtype=np.float32)
     mesh.vertices.foreach_get("co", places)
@@ -102,28 +104,30 @@ def random_part(kind: str, seed: int) -> Part:
     if kind == "round":
         obj = _round(rng)
     else:
-        obj = _simple(rng, rng.uniform(1.3, 1.9))
+        obj = simple(rng, rng.uniform(1.3, 1.9))
         if kind == "fillets":
             bevel = obj.modifiers.new("Bevel", "BEVEL")
             bevel.width, bevel.segments = voxel * float(np.exp(rng.uniform(0, np.log(7)))), 8
         for _ in range(rng.integers(1, 5)):
-            other = _simple(rng, rng.uniform(0.4, 1.1))
+            other = simple(rng, rng.uniform(0.4, 1.1))
             other.location = rng.uniform(-0.6, 0.6, 3)
-            _combine(obj, other, "UNION" if rng.random() < 0.5 else "DIFFERENCE")
+            combine(obj, other, "UNION" if rng.random() < 0.5 else "DIFFERENCE")
         if kind == "figure on a part":
             figure = _figure(3)
             figure.location = 0, 0, 0.6
-            _combine(obj, figure, "UNION")
+            combine(obj, figure, "UNION")
     turn = Euler(rng.uniform(0, 2 * np.pi, 3) if rng.random() < 0.6 else (0, 0, 0))
     return remeshed(obj, turn, voxel)
 
 
-def _combine(obj, other, operation: str) -> None:
+def combine(obj, other, operation: str) -> None:
+    """Add a boolean modifier."""
     modifier = obj.modifiers.new(operation, "BOOLEAN")
     modifier.solver, modifier.operation, modifier.object = "EXACT", operation, other
 
 
-def _simple(rng: np.random.Generator, size: float) -> bpy.types.Object:
+def simple(rng: np.random.Generator, size: float) -> bpy.types.Object:
+    """Add a random primitive."""
     a, b, c = rng.uniform(0.25, 0.7, 3) * size
     kind = rng.integers(0, 6)
     scale = a, a, b
@@ -179,7 +183,7 @@ def notched(turn: Euler, voxel: float) -> Part:
         bpy.ops.mesh.primitive_cube_add(size=1, location=place, scale=size)
         bpy.ops.object.transform_apply()
         boxes.append(bpy.context.object)
-    _combine(*boxes, "DIFFERENCE")
+    combine(*boxes, "DIFFERENCE")
     return remeshed(boxes[0], turn, voxel)
 
 

@@ -28,6 +28,11 @@ PHOTOS = "astronaut", "coffee", "chelsea", "camera", "moon", "brick", "grass", "
 PHOTOS += "rocket", "clock_motion"
 DRAWINGS = "page", "text", "horse", "phantom", "logo", "color"
 SEEDS = 41, 42, 43, 44
+SCREENS = [*(f"window/4.3-{name}" for name in
+             ("colors", "denoise", "geometry", "image-editor-image", "in-german", "presets")),
+           *(f"benchmarks/{name}" for name in ("creases-steadiness", "speed", "time", "tracing")),
+           "denoise/kernels", "denoise/snr", "guide/times", "paper/figure7"]  # fmt: skip
+"""Of the documentation: Blender's windows, and plots."""
 
 BOX, CUBIC, LANCZOS = Image.Resampling.BOX, Image.Resampling.BICUBIC, Image.Resampling.LANCZOS
 
@@ -97,7 +102,9 @@ def pictures(folder: Path | None) -> dict[str, dict[str, np.ndarray]]:
     drawings = {name: loaded(next(data.glob(f"{name}.*"))) for name in DRAWINGS}
     drawings |= {f"shapes{seed}": as_bytes(drawing(seed)) for seed in SEEDS}
     drawings["rings"] = as_bytes(rings())
-    groups = {"photos": photos, "drawings": drawings}
+    images = Path(__file__).resolve().parent.parent / "docs" / "images"
+    screens = {name: loaded(images / f"{name}.png") for name in SCREENS}
+    groups = {"photos": photos, "drawings": drawings, "screens": screens}
     return {
         kind: {name: middle(pixels) for name, pixels in group.items()}
         for kind, group in groups.items()
@@ -240,7 +247,7 @@ def tables(found: list[Case]) -> str:
     """Mean gains of each spoiling, and how many pictures become worse."""
     ways = [*WAYS, "unsharp"]
     rows = []
-    for kind in ("photos", "drawings"):
+    for kind in ("photos", "drawings", "screens"):
         mine = [case for case in found if case.kind == kind]
         spoiled = [case for case in mine if case.spoiling != "sharp"]
         sharp = [case for case in mine if case.spoiling == "sharp"]

@@ -17,7 +17,7 @@ import numpy as np
 from ..base.memo import kept
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import phase
-from ..base.vectors import dot
+from ..base.vectors import dot, edge
 from ..flow.potential import dilation
 from ..mesh.calculus import (
     average_to_faces,
@@ -61,6 +61,19 @@ _STILL = 1.6, 3.0
 _UPRIGHT, _TURNED = 0.4, -0.2
 """Cosines of the angle to the wanted normal from which a face counts as turned over: a fit does not
 turn it back, so its surroundings are evened out first."""
+
+_EQUAL = 2e-3
+"""How far squared lengths and cosines may be off where squares are equal and at right angles: many
+times what single precision leaves, and far below any noise."""
+
+_BESIDE = 0.15
+"""Share of the faces around a vertex from which steps up, or down, count fully."""
+
+_STEPPED = 0.4, 0.55
+"""Share of steps within three rings from which vertices are evened out, and fully."""
+
+_STEPS = 50, 200
+"""The same for the number of vertices at steps: fewer are a model's own."""
 
 _SPREAD = 4.0
 """How much more than in the mean over the faces around."""
@@ -144,6 +157,42 @@ def _denoised(mesh: TriangleMesh, free: Floats | None, ways: _Ways) -> tuple[Flo
 
 
 def _in_stages(mesh: TriangleMesh, weights: Floats | None, ways: _Ways) -> tuple[Floats, Floats]:
+    even = _without_voxels(mesh)
+    if even is None:
+        return _level_in_stages(mesh, weights, ways)
+    even = even if weights is None else weights[:, None] * even
+    moved, normals = _level_in_stages(moved_to(mesh, even), weights, ways)
+    return even + moved, normals
+
+
+def _without_voxels(mesh: TriangleMesh) -> Floats | None:
+    # How vertices are evened out where all is squares between voxels; None without any.
+    steps = np.empty((mesh.face_count, 2))
+    run(_find_steps, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.normals,
+        _EQUAL, steps)  # fmt: skip
+    if not steps.any(axis=0).all():
+        return None
+    beside = average_to_vertices(mesh, steps).min(axis=1, keepdims=True)
+    beside = around = np.minimum(beside / _BESIDE, 1.0)
+    for _ in range(3):
+        around = average_to_vertices(mesh, average_to_faces(mesh, around))
+    share = 2.0 * average_to_vertices(mesh, average_to_faces(mesh, beside))
+    share = np.minimum(share, 1.0) * _between(around, _STEPPED)
+    share *= _between(np.count_nonzero(share), _STEPS)
+    if not share.any():
+        return None
+    even = np.empty_like(mesh.vertices)
+    run(even_out, mesh.vertex_count, *mesh.neighbours, mesh.vertices, even)
+    return share * (even - mesh.vertices)
+
+
+def _between(values: Floats | int, ends: tuple[float, float]) -> Floats:
+    return np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
+
+
+def _level_in_stages(
+    mesh: TriangleMesh, weights: Floats | None, ways: _Ways
+) -> tuple[Floats, Floats]:
     if ways.bump_size == 0:
         return _mixed_in_stages(mesh, weights, ways)
     with phase(0.0, 0.4, _MESSAGE):
@@ -285,6 +334,37 @@ def _untangled(mesh: TriangleMesh, normals: Floats) -> Floats | None:
         run(even_out, mesh.vertex_count, *mesh.neighbours, places, even)
         places = even
     return share * (places - mesh.vertices)
+
+
+@kernel
+def _half_of_square(places, faces, f, equal):
+    # The squared length of its sides, or 0.
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    u, v, w = edge(places, a, b), edge(places, b, c), edge(places, c, a)
+    p, q, r = dot(u, u), dot(v, v), dot(w, w)
+    most, least = max(p, q, r), min(p, q, r)
+    other = p + q + r - most - least
+    if other - least < equal * other and abs(most - 2.0 * other) < 2.0 * equal * other:
+        return other
+    return 0.0
+
+
+@kernel
+def _find_steps(start, stop, places, faces, twins, normals, equal, steps):
+    # Whether halves of equal squares meet at right angles: downwards, and upwards.
+    for f in range(start, stop):
+        steps[f, 0] = steps[f, 1] = 0.0
+        own = _half_of_square(places, faces, f, equal)
+        for k in range(3):
+            if own == 0.0 or twins[f, k] < 0:
+                continue
+            g, side = twins[f, k] // 3, twins[f, k] % 3
+            if abs(dot(normals[f], normals[g])) > equal:
+                continue
+            other = _half_of_square(places, faces, g, equal)
+            if abs(other - own) < 2.0 * equal * own:
+                away = edge(places, faces[f, k], faces[g, (side + 2) % 3])
+                steps[f, 0 if dot(away, normals[f]) < 0 else 1] = 1.0
 
 
 @kernel

@@ -154,6 +154,51 @@ def test_terraces_of_a_depth_camera_go():
     assert error(denoised(mesh), clean) < 0.5 * error(mesh, clean)
 
 
+def whole_voxels(inside):
+    """The squares between voxels inside and outside, each as two triangles."""
+    inside = np.pad(inside, 1)
+    squares, steps = [], np.eye(3, dtype=int)
+    for axis in range(3):
+        a, b = steps[(axis + 1) % 3], steps[(axis + 2) % 3]
+        corners = np.array([0 * a, a, a + b, b]) + steps[axis]
+        beyond = np.roll(inside, -1, axis)
+        squares.append(np.argwhere(inside & ~beyond)[:, None] + corners)
+        squares.append(np.argwhere(~inside & beyond)[:, None] + corners[::-1])
+    corners = np.concatenate(squares).reshape(-1, 3)
+    vertices, index = np.unique(corners, axis=0, return_inverse=True)
+    faces = index.reshape(-1, 4)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    return core.TriangleMesh(vertices.astype(float), faces)
+
+
+def test_whole_voxels_of_a_turned_part_become_flat_sides():
+    turn, size = rotation(3), np.array([14.0, 10.0, 7.0])
+    middle = np.stack(np.meshgrid(*[np.arange(40) - 19.5] * 3, indexing="ij"), axis=-1) @ turn
+    mesh = whole_voxels((abs(middle) < size).all(axis=-1))
+    found = denoised(mesh)
+    place = (mesh.vertices[mesh.faces].mean(axis=1) - 20.5) @ turn
+    side = abs(abs(place) - size).argmin(axis=1)
+    wanted = np.sign(place[np.arange(len(side)), side])[:, None] * turn.T[side]
+    before, after = angles(mesh.normals, wanted), angles(found.normals, wanted)
+    assert before.mean() > 25
+    assert after.mean() < 0.25 * before.mean()
+    assert not folds(found)
+
+
+def test_steps_that_are_some_faces_wide_stay():
+    heights = np.add.outer(np.arange(8), np.arange(6)) // 3 + 1
+    stairs = np.arange(8) < heights[:, :, None]
+    mesh = whole_voxels(stairs.repeat(4, 0).repeat(4, 1).repeat(4, 2))
+    assert angles(denoised(mesh).normals, mesh.normals).mean() < 0.5
+
+
+def test_models_of_some_squares_stay():
+    few = whole_voxels(np.random.default_rng(3).random((3, 2, 2)) < 0.6)
+    bracket = np.ones((12, 6, 12), bool)
+    bracket[4:, :, 4:] = False
+    for mesh in (few, whole_voxels(bracket)):
+        np.testing.assert_allclose(denoised(mesh).vertices, mesh.vertices, rtol=0, atol=0.005)
+
+
 def test_half_of_a_mesh_that_is_spoilt_leaves_the_other_half():
     vertices, faces = icosphere(5)
     spoilt = vertices[:, 0] > 0

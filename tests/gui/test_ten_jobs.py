@@ -3,6 +3,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 IMAGES = {
     "noisy_texture": "Coat denoised",
     "blurred_texture": "Coat sharpened",
