@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parts out of Blender's voxel remesh, as training imitates it and as sharpening mends it."""
+"""Parts out of Blender's remesh, as training imitates it, as sharpening and denoising mend it."""
 
+import bpy
 import numpy as np
 import pytest
-from blender_parts import NOTCH, notched
+from blender_parts import NOTCH, Part, apply, arrays, notched
 from distances import box, cut
 from mathutils import Euler
 from meshings import EXTENT, renormalized, sampled, surface_nets
@@ -45,3 +46,23 @@ def test_concave_edges_close_as_convex_ones_do(voxel):
     for place in NOTCH.values():
         assert error_at(part, part.vertices, TURN, place, voxel) > 10
         assert error_at(part, result, TURN, place, voxel) < 2
+
+
+def test_a_box_of_blocks_becomes_flat_sides():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.mesh.primitive_cube_add(size=2, scale=(1.0, 0.7, 0.5), rotation=TURN)
+    bpy.ops.object.transform_apply()
+    obj = bpy.context.object
+    design = arrays(obj.data)
+    modifier = obj.modifiers.new("Remesh", "REMESH")
+    modifier.mode, modifier.octree_depth = "BLOCKS", 6
+    apply(obj)
+    part = Part(*arrays(obj.data), design)
+    assert bpy.ops.shock_filter.denoise() == {"FINISHED"}
+    result, _ = arrays(obj.data)
+    before, after = (
+        np.average(degrees, weights=areas)
+        for degrees, areas in map(part.errors, (part.vertices, result))
+    )
+    assert before > 25
+    assert after < 0.2 * before
