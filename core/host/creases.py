@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ..base.progress import ProgressCallback, phase, reporting
 from ..settings import GeometrySettings
-from ..shape.crease_lines import CreaseLine, closing_creases, find_creases
+from ..shape.crease_lines import CreaseLine, closing_creases, find_creases, standing_out
 from .edge_marks import CreaseEdges
 from .inputs import MirroredSurface
 from .welding import Welded, welded
@@ -66,7 +66,7 @@ def lines_of(
 ) -> list[CreaseLine]:
     """Find the creases of a welded part that are at least so strong, in degrees.
 
-    Those that stay are left out on request.
+    Those that stay are left out on request, and so are those of a surface that is uneven all over.
     """
     angle = _LEAST if angle is None else angle
     edges = None if surface.edges is None else places_of(part)[surface.edges]
@@ -77,6 +77,7 @@ def lines_of(
         lines = find_creases(part.mesh, settings, angle=least, edges=edges)
     else:
         lines = closing_creases(part.mesh, settings, least, edges)
+        lines = standing_out(part.mesh, lines, least)
     return [line for line in lines if line.strength > angle]
 
 

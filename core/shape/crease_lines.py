@@ -23,7 +23,15 @@ from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..mixture.choice import mixture
 from ..settings import GeometrySettings, given_or_default
 from .candidates import TAKES_SIDES, Candidates
-from .crease_edges import STRONG, Bools, Singles, crease_edges, turns_across
+from .crease_edges import (
+    EVEN,
+    STRONG,
+    Bools,
+    Singles,
+    crease_edges,
+    turns_across,
+    unevenness,
+)
 from .creases import WIDTHS, find_targets, weighed, widths
 
 CLOSES = "closes"
@@ -198,6 +206,29 @@ def closing_creases(
         As in `find_creases`, which checks them.
     """
     return _in_good_order(mesh, settings, angle, edges, with_left=False)
+
+
+def standing_out(mesh: TriangleMesh, lines: list[CreaseLine], angle: float) -> list[CreaseLine]:
+    """Keep the lines that close, and sharp ones beside which the surface is even.
+
+    Steep edges of rocks, folds and noise are sharp lines, too, but no one's design.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    lines : list of CreaseLine
+        From `closing_creases`.
+    angle : float
+        With which they were found: edges across which normals turn by less lie beside lines.
+    """
+    if not lines:
+        return []
+    uneven = unevenness(mesh, turns_across(mesh, mesh.normals), angle)
+    return [
+        line
+        for line in lines
+        if line.state != SHARP or uneven[line.vertices].mean() <= EVEN * line.strength
+    ]
 
 
 def _in_good_order(

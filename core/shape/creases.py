@@ -35,6 +35,7 @@ from ..mixture.choice import mixture
 from ..mixture.network import Network, Singles, load
 from ..settings import GeometrySettings
 from .candidates import DEFINITION, TAKES_SIDES, Candidates, find_candidates, flow_key
+from .crease_edges import is_mainly_designed
 
 WEIGHTS = Path(__file__).with_name("creases.npz")
 
@@ -61,9 +62,6 @@ _CLEAR = 6.0, 10.0
 
 _AROUND = 12
 """Smoothing passes that average the widths of roundings: over about four edges."""
-
-_CREASE = np.cos(np.radians(25.0))
-"""Normals across an edge that differ by more make it a crease."""
 
 
 class Creases(NamedTuple):
@@ -114,7 +112,7 @@ def tell_creases(
     if not (among.shares > 0).any():
         if creases.too_wide:
             tell("The creases are rounded more widely than Widest Fillet, and stay.")
-        elif _has_sharp(mesh, chosen):
+        elif is_mainly_designed(mesh, chosen):
             tell("The creases are sharp already.")
         else:
             tell(
@@ -254,12 +252,6 @@ def _mix_to(normals: Floats, others: Floats, shares: Floats) -> None:
     run(_mix, len(normals), normals, others, shares)
 
 
-def _has_sharp(mesh: TriangleMesh, chosen: npt.NDArray[np.bool_] | None) -> bool:
-    sharp = np.empty(mesh.face_count, dtype=np.bool_)
-    run(_find_sharp, mesh.face_count, mesh.normals, mesh.twins, _CREASE, sharp)
-    return bool((sharp if chosen is None else sharp[chosen]).any())
-
-
 @kernel
 def _rise(value, ends):
     t = min(max((value - ends[0]) / (ends[1] - ends[0]), 0.0), 1.0)
@@ -313,12 +305,3 @@ def _mix(start, stop, normals, others, shares):
         length = np.sqrt(x * x + y * y + z * z)
         if length > 1e-12:
             normals[f, 0], normals[f, 1], normals[f, 2] = x / length, y / length, z / length
-
-
-@kernel
-def _find_sharp(start, stop, normals, twins, most, sharp):
-    for f in range(start, stop):
-        sharp[f] = False
-        for k in range(3):
-            if twins[f, k] >= 0 and dot(normals[f], normals[twins[f, k] // 3]) < most:
-                sharp[f] = True

@@ -4,6 +4,7 @@
 import re
 from types import SimpleNamespace
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from shock_filter.shock_addon.data.mesh.meshes import (
     read_triangle_corners,
     write_positions,
 )
+from shock_filter.shock_addon.data.mesh.shading import count_marks
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators.meshes import notes
 
@@ -257,6 +259,38 @@ def test_a_mesh_may_have_nothing_to_sharpen(shape, vertices, words):
     assert said.startswith(f"Found nothing to sharpen in 1 mesh: {vertices} vertices, none moved, ")
     assert words in said
     assert "raise Time" not in said  # which changes nothing where there are no creases
+
+
+@pytest.mark.parametrize("kind", ["CLOUDS", "noise"])
+def test_steep_edges_of_what_is_uneven_all_over_are_not_marked(kind):
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6)
+    rock = bpy.context.object
+    if kind == "noise":
+        positions = read_positions(rock.data)
+        positions += 0.005 * np.random.default_rng(0).normal(size=positions.shape)
+        rock.data.vertices.foreach_set("co", positions.reshape(-1))
+    else:
+        rough = rock.modifiers.new("Displace", "DISPLACE")
+        rough.texture, rough.strength = bpy.data.textures.new("Clouds", kind), 0.4
+        bpy.ops.object.modifier_apply(modifier=rough.name)
+    rock.data.shade_smooth()
+    assert sharpen() == {"FINISHED"}
+    built = bmesh.new()
+    built.from_mesh(rock.data)
+    steep = sum(edge.calc_face_angle() > np.radians(30.0) for edge in built.edges)
+    built.free()
+    assert steep > 1000
+    assert count_marks(rock.data) < 0.06 * steep
+    assert "sharp already" not in operators.summaries["geometry"]
+
+
+def test_rims_of_cylinders_of_few_sides_are_marked():
+    for sides in (12, 13, 20, 32):
+        bpy.ops.mesh.primitive_cylinder_add(vertices=sides)
+        cylinder = bpy.context.object
+        cylinder.data.shade_smooth()
+        assert sharpen() == {"FINISHED"}
+        assert count_marks(cylinder.data) >= 2 * sides
 
 
 def test_marks_are_counted_once_in_a_report():
