@@ -36,6 +36,9 @@ _SEEN = 0.1
 _THIN, _FAR = 2.0, 3.0
 """Mean edge lengths between two sides of a thin wall; so far they are looked for."""
 
+_TOUCHING = 0.1
+"""Edge lengths below which no finer mesh parts the two sides."""
+
 _BESIDE = 1.5
 """The square of how far beside a vertex the other side may lie."""
 
@@ -76,10 +79,11 @@ def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
     if len(places) == 0:
         return
     thickness = _thickness(mesh, places)
-    thin = places[thickness < _THIN]
+    is_thin = (thickness > _TOUCHING) & (thickness < _THIN)
+    thin = places[is_thin]
     count, others = _count(mesh, thin), _count(mesh, places) - _count(mesh, thin)
     if count:
-        size = mesh.mean_edge_length * float(np.median(thickness[thickness < _THIN])) / 3.0
+        size = mesh.mean_edge_length * float(np.median(thickness[is_thin])) / 3.0
         tell(
             "Places that are thinner than 2 edges and stay: {count}. Remesh finer, to about"
             " {size:.2g}.",

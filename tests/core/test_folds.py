@@ -109,10 +109,10 @@ def test_what_comes_nearer_keeps_every_bit(box):
     assert lost.max() < 0.3
 
 
-def test_thin_places_are_told_with_the_size_that_would_do():
+def lost_on_a_plate(thickness):
     plate, faces = grid(14, 14)
     plate[:, 2] = 0.0
-    low = plate - [0.0, 0.0, 1.2]
+    low = plate - [0.0, 0.0, thickness]
     mesh = core.TriangleMesh(
         np.concatenate([plate, low]), np.concatenate([faces, faces[:, ::-1] + len(plate)])
     )
@@ -120,6 +120,17 @@ def test_thin_places_are_told_with_the_size_that_would_do():
     lost[[90, 91, 20]] = 0.5
     with gathering() as found:
         tell_lost(mesh, lost)
+    return found
+
+
+def test_no_size_is_told_where_two_sides_touch():
+    assert [str(each) for each in lost_on_a_plate(1e-8)] == [
+        "Places that stay, as no faces of this size fit them better: 2."
+    ]
+
+
+def test_thin_places_are_told_with_the_size_that_would_do():
+    found = lost_on_a_plate(1.2)
     assert str(found[0]).startswith("Places that are thinner than 2 edges and stay: 2. Remesh")
     assert 0.2 < found[0].values["size"] < 0.5
 
