@@ -46,6 +46,7 @@ class GenerateOperator(FilterOperator):
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the image and add it to materials, or write the attribute."""
         data.image.images.forget_overwritten()
+        data.image.images.keep_unsaved(self.targets)
         written, skipped = write_results(self.targets, results, self._write_one)
         self._notes: list[str] = []
         for target, image, _ in written:

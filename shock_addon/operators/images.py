@@ -72,6 +72,7 @@ class OneImageOperator(FilterOperator):
         used = dict(zip([t.image_uid for t in self.targets], self.result.split("\n"), strict=False))
         if self.output == "REPLACE":
             data.image.images.forget_overwritten()
+            data.image.images.keep_unsaved(self.targets)
 
         def write_one(target: Any, result: Any) -> bpy.types.Image:
             return self._write_one(target, result, used.get(target.image_uid, ""))

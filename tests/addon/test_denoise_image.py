@@ -103,6 +103,27 @@ def test_undo_takes_the_new_image_away():
     assert "Photo denoised" not in bpy.data.images
 
 
+@pytest.mark.parametrize("float_buffer", [False, True])
+def test_undo_of_replace_keeps_what_was_painted_before(float_buffer):
+    image, before = add(float_buffer=float_buffer)
+    image.pack()
+    bpy.ops.ed.undo_push(message="Packed")
+    painted = before.copy()
+    painted[8:16, 8:16, :3] = 1.0
+    image.pixels.foreach_set(painted.reshape(-1))
+    image.update()
+    bpy.ops.ed.undo_push(message="Painted")
+    painted = image_data.read_pixels(image)
+    denoise(image="Photo", output="REPLACE")
+    bpy.ops.ed.undo_push(message="Denoised")
+    result = image_data.read_pixels(image)
+    assert abs(result - painted).max() > 0.05
+    bpy.ops.ed.undo()
+    np.testing.assert_allclose(image_data.read_pixels(bpy.data.images["Photo"]), painted, atol=1e-6)
+    bpy.ops.ed.redo()
+    np.testing.assert_allclose(image_data.read_pixels(bpy.data.images["Photo"]), result, atol=1e-6)
+
+
 def test_the_image_editor_has_the_mode():
     scene = bpy.context.scene
     scene.shock_filter.image_mode = "DENOISE_IMAGE"

@@ -11,6 +11,7 @@ import hashlib
 import os
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -240,6 +241,23 @@ def _is_like(image: bpy.types.Image, other: bpy.types.Image, parts: Tiles) -> bo
     """Whether an image can take these parts of a result for another image."""
     fits = part_sizes(image) == sizes_of(parts) and image.is_float == other.is_float
     return fits and not refusal(image, tiles=True)
+
+
+def keep_unsaved(targets: Sequence[ImageTarget]) -> None:
+    """Pack what was painted on packed images since, and add a step of undo, before they change.
+
+    Undo reads packed images anew: it would take away what was painted before a run, too.
+    """
+    kept = False
+    for target in targets:
+        image = next((i for i in bpy.data.images if i.session_uid == target.image_uid), None)
+        if image and image.source != "TILED" and image.packed_file and image.is_dirty:
+            with suppress(Skipped):
+                check_same_parts(read_parts(image), target.parts)
+                write_parts(image, target.parts, pack=True)
+                kept = True
+    if kept:
+        bpy.ops.ed.undo_push(message="Keep Unsaved Pixels")
 
 
 def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> bytes:
