@@ -69,7 +69,11 @@ def sharpen_checked(
     """
     pixels = given.reshape(*given.shape[:2], -1)
     target = result.reshape(*result.shape[:2], -1)
+    squares = 0.0
+    if is_for_pixel_art(settings, lead is not None):
+        squares = _known_pixel_art(known, pixels, settings)
     if settings.enlarge == 1:
+        settings = settings.changed(amount=(1.0 - squares) * settings.amount)
         _filter_into(target, pixels, settings, weights, lead, known, part)
         _tell_opacity(pixels, target, settings, lead, part)
         return
@@ -80,9 +84,6 @@ def sharpen_checked(
         with aside("Enlarging"):
             weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
     floats = np.empty_like(large)
-    squares = 0.0
-    if is_for_pixel_art(settings, lead is not None):
-        squares = _known_pixel_art(known, pixels, settings)
     learned = is_enlarged_as_learned(settings, lead is not None) and not settings.is_neutral
     if not (learned or squares > 0):
         with phase(0.1, 1.0, "Sharpening"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixel art: how far a small image is some, and enlarging it by whole pixels.
+"""Pixel art: how far a small image is some, so that it stays sharp, also when it is enlarged.
 
 Not in the papers. Pixel art is small, has few colors, and hard steps between them; drawings, logos
 and texts that are antialiased have colors between both sides of a step there, and photos have many.
@@ -41,14 +41,16 @@ _SAME_DIRECTION = 0.9
 def is_for_pixel_art(settings: ImageSettings, has_guide: bool) -> bool:
     """Whether pixel art is looked for: not if a time, What, a width or a guide is given."""
     by_itself = settings.by_width and settings.what == "auto" and settings.width == 0
-    return by_itself and settings.enlarge > 1 and not (has_guide or settings.is_neutral)
+    return by_itself and not (has_guide or settings.is_neutral)
 
 
 def told_pixel_art(pixels: npt.NDArray, settings: ImageSettings) -> float:
     """Measure how far an image is pixel art, as `pixel_art` does, and report it."""
-    with aside("Enlarging"):
+    with aside("Enlarging" if settings.enlarge > 1 else "Sharpening"):
         share = pixel_art(pixels, opacity_channel(pixels.shape[2], settings.alpha))
-    if share >= 0.5:
+    if share >= 0.5 and settings.enlarge == 1:
+        tell("Taken for pixel art, which is sharp. To sharpen it still, set What to Drawing.")
+    elif share >= 0.5:
         tell("Taken for pixel art: pixels became squares. For smooth outlines set What to Drawing.")
     return share
 

@@ -401,6 +401,8 @@ def test_what_was_done_is_told():
         (Borders(width=9.0, number=20, detail=1.5), "Texture was sharpened"),
         (Borders(width=6.1, number=90, detail=0.5), "Noise was smoothed"),
         (Borders(width=6.1, number=90, detail=1.5), "Texture was sharpened"),
+        (Borders(width=6.1, number=90, detail=0.99), "Already sharp: borders 6.0 pixels wide."),
+        (Borders(width=6.1, number=90, detail=1.01), "Already sharp: borders 6.0 pixels wide."),
     ):
         with gathering() as found:
             tell_learned("pixels", before, after)

@@ -152,3 +152,31 @@ def test_amount_and_masks_mix_with_the_spline():
     result = core.sharpen_image(image, core.ImageSettings(enlarge=2), mask=mask)
     assert np.array_equal(result[:20], squares(image, 2)[:20])
     assert np.array_equal(result[-20:], plain[-20:])
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "float32"])
+def test_at_its_own_size_it_stays_bit_for_bit(dtype):
+    image = sprite(3)
+    image[5, 7], image[8, 3] = 255, 0  # highlights of one pixel
+    image = image if dtype == "uint8" else (image / 255.0).astype(dtype)
+    with gathering() as findings:
+        assert np.array_equal(core.sharpen_image(image), image)
+    assert [str(each) for each in findings] == [
+        "Taken for pixel art, which is sharp. To sharpen it still, set What to Drawing."
+    ]
+    chunked = core.sharpen_image(dask.array.from_array(image, chunks=(13, 9, 3)))
+    assert np.array_equal(chunked.compute(), image)
+
+
+def test_what_is_nearly_some_changes_in_part():
+    soft, image = sprite(1), sprite(1)
+    share, row = 1.0, 0
+    while not 0.0 < share < 1.0:
+        soft[row, 1:-1:3] = (image[row, :-2:3].astype(int) + image[row, 2::3]) // 2
+        share, row = pixel_art(soft), row + 1
+    soft = soft / 255.0
+    known = core.color.image_sharpening.measure_image(soft)
+    change = core.sharpen_image(soft, known=known) - soft
+    whole = core.sharpen_image(soft, known=known._replace(pixel_art=0.0)) - soft
+    np.testing.assert_allclose(change, (1.0 - known.pixel_art) * whole, atol=1e-6)
+    assert abs(change).max() > 0.0

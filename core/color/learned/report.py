@@ -9,6 +9,8 @@ from ...grid.borders import Borders
 _NARROWER = 0.95
 """Borders whose width in the result is at least so much of the old one stayed as they were."""
 
+_SAME = 0.02
+"""Detail that changes by at most this share is the same, to the eye."""
 
 _WIDE = 8.0
 """Networks have seen few borders that are wider; such ones may stay."""
@@ -33,14 +35,14 @@ def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
     if is_soft or (width > _WIDE and (after is None or share > 0.5)):
         text = f"Borders stay {{width:.1f}} {unit} wide; in flat colors, What: Drawing closes them."
         tell(text, width=width if after is None else after.width)
-    elif after is None:
+    elif after is not None and width and 0 < after.width < _NARROWER * width:
+        text = f"Borders {{width:.1f}} {unit} wide, closed to {{result:.1f}}."
+        tell(text, width=width, result=after.width)
+    elif after is None or abs(after.detail - before.detail) <= _SAME * before.detail:
         if width:
             tell(f"Already sharp: borders {{width:.1f}} {unit} wide.", width=width)
         else:
             tell("Nothing to sharpen was found.")
-    elif width and 0 < after.width < _NARROWER * width:
-        text = f"Borders {{width:.1f}} {unit} wide, closed to {{result:.1f}}."
-        tell(text, width=width, result=after.width)
     elif after.detail < before.detail:
         tell("Noise was smoothed; borders stay as wide as they were.")
     elif width and after.width == 0:
