@@ -3,6 +3,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 MESH_MODES = ["denoise", "geometry", "colors"]
 IMAGE_MODES = [
     "texture",
