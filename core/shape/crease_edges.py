@@ -83,8 +83,8 @@ def unevenness(mesh: TriangleMesh, turns: Singles, angle: float) -> Floats:
     return smooth_vertices(mesh, uneven, _RINGS)[:, 0]
 
 
-def is_mainly_designed(mesh: TriangleMesh, chosen: Bools | None) -> bool:
-    """Whether most of the steep edges of all faces, or of chosen ones, have even sides."""
+def even_share(mesh: TriangleMesh, chosen: Bools | None = None) -> float:
+    """Measure which share of the steep edges of all faces, or of chosen ones, has even sides."""
     turns = turns_across(mesh, mesh.normals)
     uneven = unevenness(mesh, turns, STRONG)
     if chosen is not None:
@@ -92,7 +92,7 @@ def is_mainly_designed(mesh: TriangleMesh, chosen: Bools | None) -> bool:
     steep = np.abs(turns) >= STRONG
     beside = uneven[mesh.faces] + uneven[np.roll(mesh.faces, -1, axis=1)]
     even = steep & (beside <= 2.0 * EVEN * np.abs(turns))
-    return 2 * np.count_nonzero(even) > np.count_nonzero(steep)
+    return np.count_nonzero(even) / max(np.count_nonzero(steep), 1)
 
 
 def crease_edges(

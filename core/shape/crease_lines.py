@@ -29,6 +29,7 @@ from .crease_edges import (
     Bools,
     Singles,
     crease_edges,
+    even_share,
     turns_across,
     unevenness,
 )
@@ -211,7 +212,8 @@ def closing_creases(
 def standing_out(mesh: TriangleMesh, lines: list[CreaseLine], angle: float) -> list[CreaseLine]:
     """Keep the lines that close, and sharp ones beside which the surface is even.
 
-    Steep edges of rocks, folds and noise are sharp lines, too, but no one's design.
+    Steep edges of rocks, folds and noise are sharp lines, too, but no one's design. The more of a
+    mesh is even beside its steep edges, the more uneven sides others may have.
 
     Parameters
     ----------
@@ -224,10 +226,11 @@ def standing_out(mesh: TriangleMesh, lines: list[CreaseLine], angle: float) -> l
     if not lines:
         return []
     uneven = unevenness(mesh, turns_across(mesh, mesh.normals), angle)
+    most = EVEN / max(1.0 - even_share(mesh), 1e-9)
     return [
         line
         for line in lines
-        if line.state != SHARP or uneven[line.vertices].mean() <= EVEN * line.strength
+        if line.state != SHARP or uneven[line.vertices].mean() <= most * line.strength
     ]
 
 

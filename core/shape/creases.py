@@ -35,7 +35,7 @@ from ..mixture.choice import mixture
 from ..mixture.network import Network, Singles, load
 from ..settings import GeometrySettings
 from .candidates import DEFINITION, TAKES_SIDES, Candidates, find_candidates, flow_key
-from .crease_edges import is_mainly_designed
+from .crease_edges import even_share
 
 WEIGHTS = Path(__file__).with_name("creases.npz")
 
@@ -112,7 +112,7 @@ def tell_creases(
     if not (among.shares > 0).any():
         if creases.too_wide:
             tell("The creases are rounded more widely than Widest Fillet, and stay.")
-        elif is_mainly_designed(mesh, chosen):
+        elif even_share(mesh, chosen) > 0.5:
             tell("The creases are sharp already.")
         else:
             tell(
