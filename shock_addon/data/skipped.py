@@ -10,7 +10,8 @@ from ...core.errors import ShockError
 if TYPE_CHECKING:
     from ...core.base.findings import Finding
 
-_MOST_NAMES = 4
+MOST_NAMES = 4
+"""Of objects, and of remarks on them, that a report shows one by one."""
 
 
 class Skipped(Exception):
@@ -100,8 +101,8 @@ def sentences(left: list[tuple[str, str]]) -> list[str]:
 
 
 def listed(names: list[str]) -> str:
-    if len(names) <= _MOST_NAMES:
+    if len(names) <= MOST_NAMES:
         return ", ".join(names)
     return pgettext_rpt("{names} and {number:,} more").format(
-        names=", ".join(names[: _MOST_NAMES - 1]), number=len(names) - _MOST_NAMES + 1
+        names=", ".join(names[: MOST_NAMES - 1]), number=len(names) - MOST_NAMES + 1
     )

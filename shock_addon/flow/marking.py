@@ -253,11 +253,14 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Add the objects."""
+        self._made: list[bpy.types.Object] = []
         with data.mesh.meshes.object_mode(context):
-            return write_results(self.targets, results, self._add)
+            return write_results(self.targets, results, partial(self._add, context))
 
-    def _add(self, target: Any, low: Any) -> bpy.types.Object:
-        return data.mesh.low_poly.add_low_poly(target, low, f"{target.name} low poly")
+    def _add(self, context: bpy.types.Context, target: Any, low: Any) -> bpy.types.Object:
+        made = data.mesh.low_poly.add_low_poly(target, low, context)
+        self._made += made
+        return made[0]
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count triangles now and before."""
@@ -270,9 +273,9 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
         """Count triangles."""
         now, before = self.counts(written)
         text = pgettext_rpt("Made {names}: {now:,} triangles of {before:,}, {seconds:.1f} s.")
-        names = ", ".join(each.data.name for each in written)
+        names = data.skipped.listed([each.name for each in self._made])
         made = text.format(names=names, now=now, before=before, seconds=seconds)
-        return f"{made} {hidden_originals(len(written))}"
+        return f"{made} {hidden_originals(len(self._made))}"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Show the dials after the run."""

@@ -14,7 +14,15 @@ from bpy.app.translations import pgettext_iface, pgettext_rpt
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
 from ...core.settings import describe
 from .. import data
-from ..data.skipped import Refused, Skipped, as_reason, explain, listed, sentences
+from ..data.skipped import (
+    MOST_NAMES,
+    Refused,
+    Skipped,
+    as_reason,
+    explain,
+    listed,
+    sentences,
+)
 from ..kinds import Data
 from ..modes import Mode, Target
 from ..running import kernels
@@ -357,10 +365,14 @@ class FilterOperator(ModalJob):
                 found[self.key] = of_active | found.get(self.key, {})
             if text := " ".join(explain(finding, scale) for finding in remarks):
                 alike.setdefault(text, []).append(target.name)
-        return [
+        lines = [
             text if len(names) == len(written) else f"{listed(names)}: {text}"
             for text, names in alike.items()
         ]
+        if folded or len(lines) <= MOST_NAMES:
+            return lines
+        more = pgettext_rpt("{number:,} further remarks on other objects.")
+        return [*lines[: MOST_NAMES - 1], more.format(number=len(lines) - MOST_NAMES + 1)]
 
     def scale_of(self, made: Any) -> float:
         """Return the scale of what was written, in whose units lengths are told; 0 for none."""

@@ -10,7 +10,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
-from ..data.skipped import Skipped
+from ..data.skipped import Skipped, listed
 from ..kinds import Data
 from . import poll as obstacles
 from .base import Done, FilterOperator, Written, counted, describe_colors, write_results
@@ -177,7 +177,7 @@ class MeshOperator(FilterOperator):
             text = pgettext_rpt(
                 "The live result of {names} was removed, as it would come on top of this."
             )
-            said = f"{said} {text.format(names=', '.join(self._replaced_live))}"
+            said = f"{said} {text.format(names=listed(self._replaced_live))}"
         return said.strip()
 
 
@@ -190,8 +190,7 @@ def _notes_of_objects(written: list[Written], operator: MeshOperator) -> str:
         return f"{text} {said}".rstrip()
     if not new:
         return said
-    names = ", ".join(obj.name for obj in new)
-    made = pgettext_rpt("New: {names}.").format(names=names)
+    made = pgettext_rpt("New: {names}.").format(names=listed([obj.name for obj in new]))
     return f"{made} {hidden_originals(len(new))} {said}".rstrip()
 
 

@@ -180,3 +180,17 @@ def test_a_soft_box_becomes_a_low_poly_with_its_materials_and_uvs(rounded_box):
     uv = np.empty(2 * len(low.data.loops), dtype=np.float32)
     low.data.uv_layers[0].uv.foreach_get("vector", uv)
     assert np.ptp(uv) > 0.3
+
+
+def test_objects_that_share_a_mesh_share_its_low_poly(rounded_box):
+    box = rounded_box(cuts=19)
+    twin = box.copy()
+    twin.location.x = 5.0
+    bpy.context.collection.objects.link(twin)
+    twin.select_set(True)
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    assert box.hide_get() and twin.hide_get()
+    one, other = sorted(bpy.context.selected_objects, key=lambda obj: obj.location.x)
+    assert one.data == other.data
+    assert (one.location.x, other.location.x) == (0.0, 5.0)
+    assert "Cube low poly, Cube.001 low poly: " in base.summaries["geometry"]

@@ -1044,6 +1044,17 @@ def test_reports_of_several_objects_have_a_line_for_each(rounded_box, select):
     assert drawn == said  # each on a line of its own
 
 
+def test_reports_of_many_objects_are_short(rounded_box, select):
+    boxes = [rounded_box(location=(6.0 * n, 0.0, 0.0)) for n in range(8)]
+    for number, box in enumerate(boxes):
+        box.scale = (1.0 + 0.1 * number,) * 3  # each has a width of its own to tell
+    select(*boxes)
+    bpy.ops.shock_filter.sharpen_geometry()
+    said = operators.summaries["geometry"].splitlines()
+    assert len([line for line in said if "radius" in line]) == 3
+    assert said[4] == "5 further remarks on other objects."
+
+
 def test_what_auto_chose_is_shown_and_can_be_kept():
     image = bpy.data.images.new("Noisy", 48, 48)
     noise = np.random.default_rng(0).normal(0.5, 0.05, 4 * 48 * 48).astype(np.float32)

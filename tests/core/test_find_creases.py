@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 from shapes import cube, grid, icosphere, rotation, shuffled
 from shock_filter import core
+from shock_filter.core.mesh import order
 from shock_filter.core.mesh.calculus import smooth_vertices
 from shock_filter.core.mesh.edges import half_edges_between
 from shock_filter.core.shape import low_poly
@@ -150,10 +151,12 @@ def test_the_order_of_vertices_and_faces_changes_hardly_a_line():
     assert len(pairs[0] ^ pairs[1]) <= 0.02 * len(pairs[0])
 
 
-def test_large_meshes_in_random_order_give_their_own_vertices():
-    mesh = parts.remeshed(parts.box()[0], 170)
+def test_large_meshes_in_random_order_give_their_own_vertices(monkeypatch):
+    monkeypatch.setattr(order, "_SMALL", 10_000)
+    mesh = parts.remeshed(parts.box()[0], 72)
     vertices, faces, _, _ = shuffled(mesh.vertices, mesh.faces)
     there = core.TriangleMesh(vertices, faces)
+    assert order.is_scattered(there)
     _, creases = parts.box()
     assert min(shares(there, crisp(core.find_creases(there)), creases)) > 0.995
 

@@ -18,12 +18,12 @@ def script(folder, scenario):
     return json.loads(done.stdout.splitlines()[-1]), done.stderr
 
 
-SLOW = ["again", "frames", "zarr", "in place"]
+SLOW = ["again", "frames", "zarr", "in place", "zarr in place"]
 
 
 @pytest.mark.parametrize(
     "scenario",
-    ["new", "zarr in place", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)],
+    ["new", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)],
 )
 def test_after_a_kill_at_any_point_all_is_as_if_there_was_none(tmp_path, scenario):
     found, said = script(tmp_path, scenario)

@@ -4,9 +4,10 @@
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
-from shapes import angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
+from shapes import angles, cube, fan, grid, icosphere, rotation, shuffled
 from shock_filter import core
 from shock_filter.core.base import parallel
+from shock_filter.core.mesh import order
 from shock_filter.core.mesh.calculus import average_to_vertices, smooth_vertices
 from shock_filter.core.mixture.choice import pair_count
 from shock_filter.core.mixture.network import load
@@ -357,16 +358,16 @@ def test_it_moves_turns_scales_and_reorders_with_the_mesh():
         assert far.max() < 0.02 * size and far.mean() < 1e-3 * size
 
 
-def test_scattered_meshes_are_filtered_as_sorted_ones():
-    vertices, faces = cube(60)
-    vertices, faces = subdivide(vertices, faces)
+def test_scattered_meshes_are_filtered_as_sorted_ones(monkeypatch):
+    monkeypatch.setattr(order, "_SMALL", 10_000)
+    vertices, faces = cube(50)
     mesh = noisy(vertices, faces, 0.2)
     rows = np.random.default_rng(0).permutation(len(vertices))
     number = np.argsort(rows)
     mixed = core.TriangleMesh(
         mesh.vertices[rows], number[faces][np.random.default_rng(1).permutation(len(faces))]
     )
-    assert mixed.face_count > 100_000
+    assert order.is_scattered(mixed) and not order.is_scattered(mesh)
     out = core.denoise_geometry(mixed)
     far = np.linalg.norm(out[number] - core.denoise_geometry(mesh), axis=1)
     assert far.mean() < 1e-2 * mesh.mean_edge_length

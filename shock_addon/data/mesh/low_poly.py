@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ....core.host.inputs import CutSurface
 from .. import arrays
+from ..chosen import mesh_objects
 from . import creases, meshes
 from .targets import MeshTarget
 
@@ -34,11 +35,13 @@ def read_cut(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[None, C
     )
 
 
-def add_low_poly(target: MeshTarget, low: LowPoly, name: str) -> bpy.types.Object:
-    """Add an object with the new mesh where the old one is, which is hidden.
+def add_low_poly(
+    target: MeshTarget, low: LowPoly, context: bpy.types.Context
+) -> list[bpy.types.Object]:
+    """Add an object with the new mesh for each chosen one of the old mesh, which are hidden.
 
-    Materials, UVs and smooth shading are those of the old mesh; other attributes, shape keys and
-    modifiers are left out.
+    Materials and UVs are those of the old mesh; other attributes, shape keys and modifiers are left
+    out. The object of the target comes first.
 
     Raises
     ------
@@ -48,7 +51,7 @@ def add_low_poly(target: MeshTarget, low: LowPoly, name: str) -> bpy.types.Objec
     obj = creases.find_same(target)
     old = obj.data
     old_corners = meshes.read_triangle_corners(old)
-    mesh = bpy.data.meshes.new(name)
+    mesh = bpy.data.meshes.new(f"{obj.name} low poly")
     mesh.from_pydata(low.vertices.tolist(), [], low.faces.tolist())
     for material in old.materials:
         mesh.materials.append(material)
@@ -59,14 +62,22 @@ def add_low_poly(target: MeshTarget, low: LowPoly, name: str) -> bpy.types.Objec
         new = mesh.uv_layers.new(name=layer.name, do_init=False)
         arrays.write(new.uv, "vector", arrays.read(layer.uv, "vector", 2)[corners])
     mesh.update()
-    made = bpy.data.objects.new(name, mesh)
+    others = [each for each in mesh_objects(context) if each.data == old and each != obj]
+    return [_put_in_place(each, mesh, context) for each in (obj, *others)]
+
+
+def _put_in_place(
+    obj: bpy.types.Object, mesh: bpy.types.Mesh, context: bpy.types.Context
+) -> bpy.types.Object:
+    # Adds an object with the new mesh, and hides the old object.
+    made = bpy.data.objects.new(f"{obj.name} low poly", mesh)
     made.matrix_world = obj.matrix_world
-    for collection in obj.users_collection or [bpy.context.collection]:
+    for collection in obj.users_collection or [context.collection]:
         collection.objects.link(made)
-    layer = bpy.context.view_layer
+    objects = context.view_layer.objects
     made.select_set(True)
-    if layer.objects.active == obj:
-        layer.objects.active = made
+    if objects.active == obj:
+        objects.active = made
     obj.select_set(False)
     obj.hide_set(True)
     return made
