@@ -63,7 +63,7 @@ def data_blocks():
 def test_what_is_drawn_is_what_a_run_makes_but_smaller(settings, begun, target):
     settings.target = target
     settings.streak_length, settings.streak_width = 200.0, 20.0
-    settings.pattern_scale, settings.pattern_steps = 64.0, 400
+    settings.pattern_scale, settings.pattern_steps = 64.0, 200
     before = data_blocks()
     preview = begun()
     values = shown(preview)

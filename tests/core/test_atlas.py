@@ -475,7 +475,7 @@ def test_results_are_the_same_on_any_number_of_threads(monkeypatch):
     from shock_filter.core.base import parallel
 
     mesh, uv = messy()
-    image = np.random.default_rng(0).random((128, 128, 3)).astype(np.float32)
+    image = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
     several = core.sharpen_texture(mesh, uv * 0.3, image)
     monkeypatch.setattr(parallel, "thread_count", lambda: 1)
     assert np.array_equal(core.sharpen_texture(mesh, uv * 0.3, image), several)

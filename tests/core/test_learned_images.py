@@ -335,7 +335,7 @@ def test_flow_lines_that_leave_make_chunks_run_again(monkeypatch):
     from shock_filter.core.color import chunked
 
     monkeypatch.setattr(chunked, "_LEARNED_WALK", -40)
-    image = as_bytes(blurred(np.tile(drawing(25), (3, 3, 1)), 4.0))
+    image = as_bytes(blurred(np.tile(drawing(25), (3, 2, 1)), 4.0))
     expected = core.sharpen_image(image)
     with counting_reruns() as counts:
         lazy = core.sharpen_image(dask.array.from_array(image, chunks=(193, 193, 3)))

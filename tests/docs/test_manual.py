@@ -131,6 +131,7 @@ def test_manual_is_small(manual):
     assert sum(path.stat().st_size for path in manual.rglob("*") if path.is_file()) < 12e6
 
 
+@pytest.mark.slow
 def test_a_broken_link_stops_the_build(build_docs, tmp_path, monkeypatch, capfd):
     for name in ("docs", "tools"):
         shutil.copytree(ROOT / name, tmp_path / name)
