@@ -279,18 +279,19 @@ class _Kept:
 class _Faces:
     """The faces that share a vertex with each face, to average over.
 
-    A field of faces, (m, 4) float32, holds unit vectors and areas, side by side in memory.
+    A field of faces, (m, 4) float32, holds unit vectors and areas, side by side in memory. Places
+    are unsigned, as numba asks of others at each access whether they count from the end.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
         count = np.empty(mesh.face_count, dtype=np.int32)
-        none = np.empty(0, dtype=np.int32)
-        run(_find_around, mesh.face_count, mesh.faces, *mesh.corners, none, none, count)
-        self.start = np.zeros(mesh.face_count + 1, dtype=np.int64)
-        np.cumsum(count, out=self.start[1:])
-        self.around = np.empty(self.start[-1], dtype=np.int32)
-        run(_find_around, mesh.face_count, mesh.faces, *mesh.corners, self.start, self.around,
-            count)  # fmt: skip
+        start = np.zeros(mesh.face_count + 1, dtype=np.int64)
+        none = np.empty(0, dtype=np.uint32)
+        run(_find_around, mesh.face_count, mesh.faces, *mesh.corners, start, none, count)
+        np.cumsum(count, out=start[1:])
+        self.around = np.empty(start[-1], dtype=np.uint32)
+        run(_find_around, mesh.face_count, mesh.faces, *mesh.corners, start, self.around, count)
+        self.start = start.view(np.uint64)
 
     def means(
         self,
@@ -526,18 +527,21 @@ def _cost(own, patch):
 @kernel
 def _choose_patches(start, stop, begin, around, field, patches, out):
     # Of costs that only rounding tells apart a direction decides, not the order of faces.
+    costs = np.empty(_MOST_AROUND, np.float32)
     for f in range(start, stop):
-        own = field[f]
-        least = _cost(own, patches[f])
-        for i in range(begin[f], begin[f + 1]):
-            least = min(least, _cost(own, patches[around[i]]))
-        choice, most = f, -2.0
-        for i in range(begin[f] - 1, begin[f + 1]):
-            g = f if i < begin[f] else around[i]
-            if _cost(own, patches[g]) <= least + _ROUNDING:
-                side = dot(TIE_BREAKER, patches[g])
+        own, first = field[f], begin[f]
+        cost = least = _cost(own, patches[f])
+        for i in range(first, begin[f + 1]):
+            costs[i - first] = _cost(own, patches[around[i]])
+            least = min(least, costs[i - first])
+        choice, most = np.uint32(f), -2.0
+        if cost <= least + _ROUNDING:
+            most = dot(TIE_BREAKER, patches[f])
+        for i in range(first, begin[f + 1]):
+            if costs[i - first] <= least + _ROUNDING:
+                side = dot(TIE_BREAKER, patches[around[i]])
                 if side > most:
-                    choice, most = g, side
+                    choice, most = around[i], side
         out[f] = patches[choice]
 
 
