@@ -94,18 +94,23 @@ def logarithm(x):
 
 @kernel
 def _tell_pairs(start, stop, candidates, told):
+    # Coordinate by coordinate, so that the inner loops become code for vectors.
     k, size = candidates.shape[1], candidates.shape[2]
+    places = np.empty((size, k), np.float32)
     for f in range(start, stop):
-        c = 0
         for i in range(k):
-            for j in range(i + 1, k):
-                square = np.float32(0)
-                for x in range(size):
-                    square += (candidates[f, i, x] - candidates[f, j, x]) ** 2
-                told[f, c] = np.sqrt(square) + np.float32(FAINT)
-                c += 1
+            for x in range(size):
+                places[x, i] = candidates[f, i, x]
+        row, c = told[f], 0
+        for i in range(k):
+            squares, c = row[c : c + k - i - 1], c + k - i - 1
+            squares[:] = 0
+            for x in range(size):
+                own, others = places[x, i], places[x, i + 1 :]
+                for j in range(len(squares)):
+                    squares[j] += (own - others[j]) ** 2
         for i in range(c):
-            told[f, i] = logarithm(told[f, i]) + np.float32(2)
+            row[i] = logarithm(np.sqrt(row[i]) + np.float32(FAINT)) + np.float32(2)
 
 
 @kernel
