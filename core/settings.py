@@ -426,7 +426,7 @@ class ShockSettings(_Settings):
 
 def _alpha(sharpened: bool = False) -> Any:
     stays = " Opacity stays as it is,"
-    by_itself = " Opacity is sharpened by itself unless What or Time is given,"
+    by_itself = " Opacity is sharpened by itself unless a time or a guide is given,"
     return _setting(
         "auto",
         "Whether the last channel is opacity."
