@@ -21,7 +21,7 @@ from ..grid.resize import resized
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from ..registry import Filter, find
-from ..settings import named, value_of
+from ..settings import describe, named, value_of
 from ..texture.painted_gain import gains_of
 from .images import divided, filter_channels, filter_pixels, recolored_larger, with_opacity
 from .inputs import Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
@@ -135,8 +135,15 @@ def atlas_of(faces: TexturedFaces, size: tuple[int, int], is_tried: bool) -> Tex
 
 
 def _holding(settings: Any, content: str) -> Any:
-    field = named(type(settings.kernel), "content")
-    return settings.changed(**{field: content}) if field else settings
+    # Settings for an image that holds some content, or the choice that comes nearest to it.
+    kind = type(settings.kernel)
+    field = named(kind, "content")
+    if not field:
+        return settings
+    _, _, about = describe(kind)[field]
+    if content not in about.choices:
+        content = "normals" if content == "normals_y_down" else "values"
+    return settings.changed(**{field: content})
 
 
 def _tried(

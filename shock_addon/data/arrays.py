@@ -143,7 +143,7 @@ def read_pixels(image: bpy.types.Image) -> npt.NDArray[np.float32]:
     """Read an image's pixels, from the bottom up: (h, w, channels)."""
     flat = np.empty(len(image.pixels), dtype=np.float32)
     image.pixels.foreach_get(flat)
-    return flat.reshape(image.size[1], image.size[0], -1)
+    return flat.reshape(image.size[1], image.size[0], image.channels)
 
 
 def write_pixels(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> None:

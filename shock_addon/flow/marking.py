@@ -12,6 +12,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
+from ..data.skipped import Refused
 from ..kinds import Data
 from ..modes import Mode, find
 from ..operators.base import Done, Task, Written, counted, write_results
@@ -104,11 +105,14 @@ class SHOCK_FILTER_OT_mark_creases(_CreaseOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects."""
+        if self.output == "CURVES":
+            _check_mode(context)
         return data.mesh.meshes.read_targets(context, self.reader(), self._parameters())
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Mark them, and return to the current object mode."""
         self._edges = self._lines = 0
+        data.replaced.hold([])
         with data.mesh.meshes.object_mode(context):
             return write_results(self.targets, results, self._write_one)
 
@@ -245,6 +249,7 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects."""
+        _check_mode(context)
         return data.mesh.meshes.read_targets(context, self.reader(), self._parameters())
 
     def compute(self) -> Callable:
@@ -254,6 +259,7 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Add the objects."""
         self._made: list[bpy.types.Object] = []
+        data.replaced.hold([])
         with data.mesh.meshes.object_mode(context):
             return write_results(self.targets, results, partial(self._add, context))
 
@@ -282,6 +288,12 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
         self.layout.use_property_split = True
         self.layout.prop(self, "tolerance")
         self.layout.prop(self, "turn")
+
+
+def _check_mode(context: bpy.types.Context) -> None:
+    # Undo of another mode would not take a new object away.
+    if context.mode != "OBJECT":
+        raise Refused("New objects are made in Object Mode; go there, or choose another output.")
 
 
 def _find_creases(surface: Any, _: str, settings: Any, weld: bool, progress: Any) -> Any:

@@ -59,7 +59,9 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> 
         draw_text(layout, context, hint, icon="INFO")
     else:
         row.operator(f"shock_filter.paint_live{'' if texture is None else '_texture'}")
-    is_asked = modifiers and obj.mode != "EDIT" and not automatic.is_coming(obj)
+    # Weights are read by way of new data, which nothing may make while it draws.
+    is_known = not data.mesh.shape_keys.are_weighted(obj)
+    is_asked = modifiers and is_known and obj.mode != "EDIT" and not automatic.is_coming(obj)
     if is_asked and jobs.current() is None:
         found = data.live.watching.state_for_panel(obj, updating.state)
         if found in _SAID:

@@ -135,7 +135,8 @@ class SHOCK_FILTER_OT_paint_live(bpy.types.Operator):
             group.add(range(len(obj.data.vertices)), 1.0, "REPLACE")
             name = group.name
         for modifier in modifiers:
-            if not data.live.stacks.linked_input(modifier, data.live.graph.MASK):
+            linked = data.live.stacks.linked_input(modifier, data.live.graph.MASK)
+            if linked not in obj.vertex_groups:
                 data.live.stacks.link_input(modifier, data.live.graph.MASK, name)
         obj.vertex_groups.active = obj.vertex_groups[name]
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")

@@ -76,6 +76,7 @@ class GenerateOperator(FilterOperator):
             return image
         kind = pgettext_rpt(self.row.target(self).label)
         name = f"{target.name} {kind}"
+        data.replaced.hold([])
         in_floats = self.row.target(self).data.in_floats
         return data.image.fields.add_or_reuse(name, self.result, pixels, in_floats)
 

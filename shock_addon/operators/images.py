@@ -60,7 +60,7 @@ class OneImageOperator(FilterOperator):
             targets, skipped = self.read_all(context, image)
         except Skipped as reason:
             return [], sentences([(image.name, str(reason))])
-        self.image = targets[0].name  # redo must not read the result, which is shown by then
+        self.image = image.name  # redo must not read the result, which is shown by then
         return targets, skipped
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:

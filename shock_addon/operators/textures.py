@@ -29,6 +29,14 @@ class TextureOperator(OneImageOperator):
             name = data.chosen.mesh_objects(context)[0].name
             raise Refused(text, name=name, reason=reason) from reason
 
+    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
+        """Read the named texture, or the shown one; repeated on other objects, that of these."""
+        names = [self.image, *self.result.split("\n")]
+        is_again = self.options.is_repeat or self.options.is_repeat_last
+        if is_again and data.image.textures.are_of_others(context, names):
+            self.image = self.result = ""
+        return super().read(context)
+
     def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
         """Read the image, and the faces of all objects that show it."""
         row = self.row.targets[0].row
@@ -46,10 +54,10 @@ class TextureOperator(OneImageOperator):
         if not maps.followers:  # it may hold normals, as the settings say
             return [lead], [*skipped, *maps.left]
         targets, left = [data.image.textures.holding(lead, "values")], []
-        about = self.row.targets[0].fields.get("content")
+        has_content = "content" in self.row.targets[0].fields
         for follower, kind in maps.followers.items():
-            content = data.image.maps.as_held(kind, self.content, about) if about else kind
-            if content != "values" and about is None:
+            content = data.image.maps.as_held(kind, self.content) if has_content else kind
+            if content != "values" and not has_content:
                 reason = pgettext_rpt("it holds normals, whose length this filter does not keep")
                 left.append((follower.name, reason))
                 continue

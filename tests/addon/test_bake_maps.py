@@ -67,11 +67,12 @@ def test_each_button_says_before_the_press_what_it_bakes():
     assert "onto the active one: normals, height, curvature" in onto
 
 
-def test_a_detailed_object_comes_onto_the_active_one(low, select):
+@pytest.mark.parametrize("kind", ["FLOAT_COLOR", "BYTE_COLOR"])
+def test_a_detailed_object_comes_onto_the_active_one(low, select, kind):
     high = grid("High", 60, 0.1)
     for obj in (low, high):
         obj.location.x, obj.scale = 3, (2, 2, 2)
-    colors = high.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    colors = high.data.color_attributes.new("Paint", kind, "POINT")
     for each, vertex in zip(colors.data, high.data.vertices, strict=True):
         each.color = 0.5 + 0.5 * vertex.co.x, 0, 0, 1
     bpy.context.view_layer.update()

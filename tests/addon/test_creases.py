@@ -184,8 +184,11 @@ def test_a_soft_box_becomes_a_low_poly_with_its_materials_and_uvs(rounded_box):
 
 def test_objects_that_share_a_mesh_share_its_low_poly(rounded_box):
     box = rounded_box(cuts=19)
+    box.data.materials.append(bpy.data.materials.new("Gray"))
     twin = box.copy()
     twin.location.x = 5.0
+    twin.material_slots[0].link = "OBJECT"
+    twin.material_slots[0].material = bpy.data.materials.new("Red")
     bpy.context.collection.objects.link(twin)
     twin.select_set(True)
     assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
@@ -193,4 +196,20 @@ def test_objects_that_share_a_mesh_share_its_low_poly(rounded_box):
     one, other = sorted(bpy.context.selected_objects, key=lambda obj: obj.location.x)
     assert one.data == other.data
     assert (one.location.x, other.location.x) == (0.0, 5.0)
+    assert [each.active_material.name for each in (one, other)] == ["Gray", "Red"]
+    assert box.hide_render and twin.hide_render
     assert "Cube low poly, Cube.001 low poly: " in base.summaries["geometry"]
+
+
+def test_new_objects_are_made_in_object_mode(rounded_box):
+    rounded_box()
+    bpy.ops.object.mode_set(mode="EDIT")
+    for run in (
+        bpy.ops.shock_filter.crisp_low_poly,
+        lambda: bpy.ops.shock_filter.mark_creases(output="CURVES"),
+    ):
+        with pytest.raises(RuntimeError, match="made in Object Mode"):
+            run()
+    assert bpy.ops.shock_filter.mark_creases() == {"FINISHED"}
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert len(bpy.context.scene.objects) == 1

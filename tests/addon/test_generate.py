@@ -414,6 +414,17 @@ def test_redo_starts_anew(sheet, adjust):
     assert (read("Grid Distance") != before).any()
 
 
+def test_repeated_on_another_object_it_makes_another_image(sheet, repeat):
+    generate("EXEC_DEFAULT", True, source="border", image_size=str(SIZE))
+    before = read("Grid Distance")
+    sheet.select_set(False)
+    other = add_sheet(width=0.5)
+    other.name = "Other"
+    repeat()
+    assert (read("Grid Distance") == before).all()
+    assert (read("Other Distance") != before).any()
+
+
 def test_undo_takes_the_image_away(sheet):
     bpy.ops.ed.undo_push(message="Start")
     generate("EXEC_DEFAULT", True, source="border", image_size=str(SIZE))

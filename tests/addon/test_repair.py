@@ -57,6 +57,18 @@ def test_transparent_texels_are_filled_and_others_stay(sheet):
     assert (result[known] == read("Holes")[known]).all()
 
 
+def test_normals_in_object_space_are_repaired_as_values(sheet):
+    pixels = ramp()
+    pixels[20:40, 24:36] = 0.0
+    sheet.image = add_image("Normals", pixels, float_buffer=True, is_data=True)
+    tree = sheet.id_data
+    node = tree.nodes.new("ShaderNodeNormalMap")
+    node.space = "OBJECT"
+    tree.links.new(sheet.outputs["Color"], node.inputs["Color"])
+    assert filters.repair_texture(output="NEW", fill="opacity") == {"FINISHED"}
+    assert np.abs(read("Normals repaired") - ramp())[20:40, 24:36].max() < 0.03
+
+
 def test_a_mask_says_what_is_missing(sheet):
     pixels = ramp()
     pixels[20:40, 24:36, :3] = 0.9

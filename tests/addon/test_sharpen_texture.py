@@ -243,6 +243,18 @@ def test_redo_of_a_replaced_image_starts_from_the_old_pixels(sheet, adjust, repe
     assert softness(read(bpy.data.images["Wood"])) < softness(once)
 
 
+def test_repeated_on_another_object_it_filters_the_texture_of_that(sheet, repeat):
+    sharpen("EXEC_DEFAULT", True, time=256.0)
+    before = read(bpy.data.images["Wood sharpened"])
+    sheet.obj.select_set(False)
+    image = add_image("Stone")
+    other = add_sheet(material=add_material(image))
+    repeat()
+    np.testing.assert_array_equal(read(bpy.data.images["Wood sharpened"]), before)
+    assert node_images(sheet.obj) == ["Wood sharpened"]
+    assert node_images(other) == ["Stone sharpened"]
+
+
 def test_undo_takes_image_and_assignment_back(sheet):
     bpy.ops.ed.undo_push(message="Before")
     sharpen(time=64.0)

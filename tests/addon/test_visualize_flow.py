@@ -226,6 +226,38 @@ def test_a_file_that_was_never_saved_needs_a_folder(tmp_path):
     assert sorted(path.name for path in folder.iterdir()) == ["frame_0001.png", "frame_0002.png"]
 
 
+def test_frames_of_other_makers_are_never_replaced(saved):
+    add_map()
+    shots = saved / "shots"
+    shots.mkdir()
+    (shots / "frame_0001.png").write_bytes(b"mine")
+    refused("holds other files", target="map", image="Map", frames=2, folder="//shots")
+    assert (shots / "frame_0001.png").read_bytes() == b"mine"
+
+
+def test_frames_that_an_image_of_the_file_plays_give_way(saved, monkeypatch):
+    add_map()
+    words = {"target": "map", "image": "Map", "folder": "//flow"}
+    assert visualize(frames=3, **words) == {"FINISHED"}
+    monkeypatch.setattr(sequences, "_written", set())  # as in another session
+    assert visualize(frames=2, **words) == {"FINISHED"}
+    assert len(list((saved / "flow").iterdir())) == 2
+    bpy.data.images.remove(bpy.data.images["Map Flow"])
+    bpy.data.images.remove(bpy.data.images["Map Flow.001"])
+    monkeypatch.setattr(sequences, "_written", set())
+    refused("holds other files", frames=2, **words)
+
+
+def test_another_folder_counts_on_redo(saved):
+    add_map()
+    first = saved / "first"
+    words = {"target": "map", "image": "Map", "frames": 2, "result": str(first)}
+    first.mkdir()
+    assert visualize(folder="//second", **words) == {"FINISHED"}
+    assert len(list((saved / "second").iterdir())) == 2
+    assert list(first.iterdir()) == []
+
+
 def test_bytes_of_a_map_have_an_exact_middle(saved):
     image = bpy.data.images.new("Map", 40, 40, is_data=True)
     image.pixels.foreach_set(np.full(4 * 40 * 40, 128 / 255, np.float32))

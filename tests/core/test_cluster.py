@@ -400,7 +400,7 @@ def test_a_scheduler_that_is_gone_is_said(folder, capsys):
         (line,) = failures(capsys)
         assert re.search(r"The worker \S+ cannot be used: it cannot load Shock Filter \(", line)
         stop(worker)
-        killing = threading.Timer(0.5, scheduler.kill)
+        killing = threading.Timer(2.0, scheduler.kill)  # once it waits, also on a slow machine
         killing.start()
         start_time = time.monotonic()
         assert sharpen("in/a.png", "out/", "--cluster", address) == 1

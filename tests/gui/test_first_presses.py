@@ -3,6 +3,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 OPERATORS = [
     "sharpen_geometry",
     "denoise",

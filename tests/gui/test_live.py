@@ -5,6 +5,8 @@ import statistics
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def report(play):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -93,10 +94,14 @@ def read_field(
 def add_or_reuse(
     name: str, used: str, pixels: npt.NDArray[np.float32], is_float: bool
 ) -> bpy.types.Image:
-    """Write pixels into the image `used` if an earlier run made it alike, or into a new one."""
+    """Write pixels into the image `used` if an earlier run made it alike, or into a new one.
+
+    That run was of the same objects if the image has the same name, but for a number.
+    """
     height, width = pixels.shape[:2]
     image = bpy.data.images.get(used)
     fits = image is not None and tuple(image.size) == (width, height)
+    fits = fits and name.startswith(re.sub(r"\.\d{3}$", "", used))
     if not (fits and image.is_float == is_float and images.is_as_written(image)):
         image = bpy.data.images.new(
             name, width, height, alpha=False, float_buffer=is_float, is_data=True

@@ -63,7 +63,7 @@ def _colors(mesh: bpy.types.Mesh) -> npt.NDArray[np.float64] | None:
     attribute = mesh.color_attributes.active_color
     if attribute is None:
         return None
-    values = arrays.read_attribute(attribute).astype(np.float64)[:, :3]
+    values = arrays.read(attribute.data, "color", 4).astype(np.float64)[:, :3]  # linear
     if attribute.domain == "POINT" or not np.isfinite(values).all():
         return values if np.isfinite(values).all() else None
     vertices = meshes.read_corner_vertices(mesh)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import bpy
 
-from ....core.settings import Setting
 from ..chosen import mesh_users
 from ..materials import colors_surface, image_nodes, is_beside, live_mix
 from ..skipped import Skipped, sentences
@@ -101,8 +100,8 @@ def _coordinates(node: bpy.types.ShaderNodeTexImage) -> tuple[str, ...]:
     return "UV", ""
 
 
-def as_held(kind: str, chosen: str, about: Setting) -> str:
-    """Return the content of a map as a choice of the filter's setting.
+def as_held(kind: str, chosen: str) -> str:
+    """Return the content of a map.
 
     Parameters
     ----------
@@ -110,12 +109,8 @@ def as_held(kind: str, chosen: str, about: Setting) -> str:
         As `normals_from` returns it, or "values".
     chosen : str
         The choice in the panel, for kinds of normals that materials cannot tell apart.
-    about : Setting
-        The filter's setting for the content.
     """
-    if kind == "normals" and chosen == "normals_y_down":
-        return chosen
-    return kind if kind in about.choices else "normals" if kind == "normals_y_down" else "values"
+    return chosen if kind == "normals" and chosen == "normals_y_down" else kind
 
 
 def normals_in(context: bpy.types.Context, image: bpy.types.Image) -> str:

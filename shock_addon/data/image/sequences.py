@@ -26,6 +26,12 @@ from ..skipped import Refused
 
 _FRAME = r"frame_\d+\.png"
 
+_OWN = "shock_filter_frames"
+"""Marks images that play frames that were made here."""
+
+_written: set[Path] = set()
+"""Folders that got frames in this session. The frames of other makers are never replaced."""
+
 
 class Staged:
     """Complete frames in a hidden folder, which is removed with this object.
@@ -69,6 +75,7 @@ def stage(pictures: Iterator[Any], parent: Path, count: int) -> Staged:
 def move(staged: Staged, folder: Path) -> None:
     """Move frames to their place, and replace those of an earlier run."""
     folder.mkdir(exist_ok=True)
+    _written.add(folder)
     for path in sorted(staged.folder.iterdir()):
         os.replace(path, folder / path.name)
     for path in folder.iterdir():
@@ -95,7 +102,8 @@ def find_folder(given: str, name: str, used: str) -> Path:
     Refused
         If there is no such place, or other files lie there.
     """
-    if used and Path(used).parent.is_dir():
+    same = not given or Path(bpy.path.abspath(given)) == Path(used)
+    if used and same and Path(used).parent.is_dir():
         return Path(used)
     if not given:
         if not bpy.data.filepath:
@@ -108,7 +116,7 @@ def find_folder(given: str, name: str, used: str) -> Path:
         raise Refused("There is no folder {folder}; make it first.", folder=str(folder.parent))
     if folder.exists() and not folder.is_dir():
         raise Refused("{folder} is a file; choose a folder.", folder=str(folder))
-    if folder.is_dir() and not all(re.fullmatch(_FRAME, path.name) for path in folder.iterdir()):
+    if folder.is_dir() and not _is_own(folder):
         raise Refused(
             "The folder {folder} holds other files; choose an empty or a new one.",
             folder=str(folder),
@@ -118,6 +126,15 @@ def find_folder(given: str, name: str, used: str) -> Path:
             "Cannot write to the folder {folder}; choose another.", folder=str(folder.parent)
         )
     return folder
+
+
+def _is_own(folder: Path) -> bool:
+    # Whether it is empty, or holds frames of an earlier run and nothing else.
+    names = [path.name for path in folder.iterdir()]
+    if not all(re.fullmatch(_FRAME, name) for name in names):
+        return False
+    played = (Path(bpy.path.abspath(i.filepath)).parent for i in bpy.data.images if _OWN in i)
+    return not names or folder in _written or folder in played
 
 
 def _free(parent: Path, name: str) -> Path:
@@ -141,6 +158,7 @@ def load(folder: Path, name: str, count: int) -> bpy.types.Image:
     except RuntimeError as error:
         raise ShockError("{reason}", reason=str(error).strip()) from error
     image.name = name
+    image[_OWN] = True
     image.source = "SEQUENCE"
     if bpy.data.filepath and folder.is_relative_to(Path(bpy.data.filepath).parent):
         image.filepath = bpy.path.relpath(image.filepath)  # the files move with the blend file

@@ -191,6 +191,18 @@ def _shows(material: bpy.types.Material | None, image: bpy.types.Image) -> bool:
     return material is not None and any(n.image == image for n in image_nodes(material))
 
 
+def are_of_others(context: bpy.types.Context, names: list[str]) -> bool:
+    """Whether materials of other objects show one of these images, and none of the chosen ones."""
+    images = [bpy.data.images[name] for name in names if name in bpy.data.images]
+    chosen = mesh_users(context)
+    others = [obj for obj in context.scene.objects if obj.type == "MESH" and obj not in chosen]
+    mine, theirs = (
+        any(_uses(obj, image) for obj in objects for image in images)
+        for objects in (chosen, others)
+    )
+    return theirs and not mine
+
+
 def _uses(obj: bpy.types.Object, image: bpy.types.Image) -> bool:
     return any(_shows(slot.material, image) for slot in obj.material_slots)
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ....core.host.inputs import CutSurface
 from .. import arrays
 from ..chosen import mesh_objects
-from . import creases, meshes
+from . import creases, meshes, visible
 from .targets import MeshTarget
 
 if TYPE_CHECKING:
@@ -61,25 +61,21 @@ def add_low_poly(
     for layer in old.uv_layers:
         new = mesh.uv_layers.new(name=layer.name, do_init=False)
         arrays.write(new.uv, "vector", arrays.read(layer.uv, "vector", 2)[corners])
+        new.active_render = layer.active_render
+    mesh.uv_layers.active_index = old.uv_layers.active_index
     mesh.update()
     others = [each for each in mesh_objects(context) if each.data == old and each != obj]
-    return [_put_in_place(each, mesh, context) for each in (obj, *others)]
+    return [_put_in_place(each, mesh) for each in (obj, *others)]
 
 
-def _put_in_place(
-    obj: bpy.types.Object, mesh: bpy.types.Mesh, context: bpy.types.Context
-) -> bpy.types.Object:
+def _put_in_place(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> bpy.types.Object:
     # Adds an object with the new mesh, and hides the old object.
     made = bpy.data.objects.new(f"{obj.name} low poly", mesh)
     made.matrix_world = obj.matrix_world
-    for collection in obj.users_collection or [context.collection]:
-        collection.objects.link(made)
-    objects = context.view_layer.objects
-    made.select_set(True)
-    if objects.active == obj:
-        objects.active = made
-    obj.select_set(False)
-    obj.hide_set(True)
+    visible.place(made, obj)
+    for slot, old in zip(made.material_slots, obj.material_slots, strict=False):
+        if old.link == "OBJECT":
+            slot.link, slot.material = "OBJECT", old.material
     return made
 
 

@@ -82,6 +82,14 @@ def _shown_alone(obj: bpy.types.Object, mode: str) -> bpy.types.ShapeKey | None:
     return None
 
 
+def are_weighted(obj: bpy.types.Object) -> bool:
+    """Whether a vertex group says how much of a shape key is seen."""
+    keys = obj.data.shape_keys
+    return keys is not None and any(
+        key.vertex_group in obj.vertex_groups for key in keys.key_blocks
+    )
+
+
 def _mix(obj: bpy.types.Object) -> Positions:
     keys = obj.data.shape_keys
     shape = read(keys.reference_key)

@@ -121,7 +121,7 @@ def write_new(
         _remove(new)
         return obj
     new.name = mesh.name = f"{obj.name} {suffix}"
-    _place(new, obj)
+    place(new, obj)
     return new
 
 
@@ -239,8 +239,8 @@ def _remove(new: bpy.types.Object) -> None:
     bpy.data.meshes.remove(mesh)
 
 
-def _place(new: bpy.types.Object, old: bpy.types.Object) -> None:
-    # The new object is seen, selected and rendered where the old one was.
+def place(new: bpy.types.Object, old: bpy.types.Object) -> None:
+    """Add an object that is seen, selected and rendered where the old one was."""
     places = [each for each in old.users_collection if each.library is None]
     for collection in places or [bpy.context.collection]:
         collection.objects.link(new)
