@@ -153,6 +153,8 @@ def crisp_low_poly(
         If tolerance, turn or angle are out of range.
     InvalidSignal
         If edges to keep are not pairs of vertices.
+    SolverError, InvalidMesh
+        As in `sharpen_geometry`.
     Cancelled
         If `progress` returned False.
 

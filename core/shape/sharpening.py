@@ -38,7 +38,7 @@ def sharpen_normals(
     ----------
     mesh : TriangleMesh
     settings : GeometrySettings, optional
-        The settings of the refit and `repeat` are not used.
+        The settings of the refit, `amount`, `max_displacement` and `repeat` are not used.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -46,8 +46,8 @@ def sharpen_normals(
     -------
     (m, 3) float64
         Unit normals, wound as the faces that the mesh was made from; zero for faces without
-        area. A time of 0 returns the (mollified) normals up to rounding, except with linear
-        sampling, which always smooths.
+        area. Everywhere, a time of 0 returns the (mollified) normals up to rounding, except with
+        linear sampling, which always smooths; at creases normals may turn at a time of 0, too.
 
     Raises
     ------
@@ -121,9 +121,10 @@ def sharpen_geometry(
     -----
     Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature
     threshold (see `flow.potential.above_surroundings`), masks, repeating, the displacement limit,
-    the screening radius in place of a fixed epsilon (see `fit_to_normals`), and, if asked for,
+    the screening radius in place of a fixed epsilon (see `fit_to_normals`), and, by default,
     creases only (see `shape.creases`), aligned (see `shape.sides`), further steps of the refit (see
-    `shape.slide`) and the repair of folds (see `shape.folds`).
+    `shape.slide`) and the repair of folds (see `shape.folds`); `GeometrySettings.of_paper` leaves
+    these four out.
 
     Examples
     --------

@@ -89,8 +89,8 @@ def sharpen_texture(
     InvalidUV
         If the texture coordinates cannot be used; see `TextureAtlas`.
     InvalidSignal
-        If the image's shape or type is not supported, it holds NaN or infinity, or mask or
-        guide do not fit it.
+        If the image's shape or type is not supported, it holds NaN or infinity, mask or guide do
+        not fit it, or channels of normals are not coupled.
     InvalidSettings
         If the settings do not allow a guide.
     Cancelled
