@@ -43,6 +43,16 @@ def check_swaps(obj):
     return before, after
 
 
+@pytest.mark.parametrize("name", ["mark_creases", "crisp_low_poly", "generate"])
+def test_a_run_before_another_kind_of_run_is_not_swapped(rounded_box, name):
+    rounded_box(cuts=19)
+    bpy.ops.shock_filter.sharpen_geometry()
+    assert swap.poll()
+    words = {"source": "seams", "target": "curvature"} if name == "generate" else {}
+    assert getattr(bpy.ops.shock_filter, name)(**words) == {"FINISHED"}
+    assert not swap.poll()
+
+
 def test_there_is_nothing_to_swap_before_a_run(rounded_box):
     rounded_box()
     assert not swap.poll()

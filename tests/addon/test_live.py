@@ -667,6 +667,17 @@ def test_painting_where(rounded_box):
     assert len(box.vertex_groups) == 1
 
 
+def test_painting_where_an_attribute_was_the_mask_paints_what_is_read(rounded_box):
+    box = rounded_box()
+    sharpen(output="LIVE")
+    box.data.attributes.new("m", "FLOAT", "POINT")
+    modifier = live_modifier(box)
+    stacks.link_input(modifier, graph.MASK, "m")
+    bpy.ops.shock_filter.paint_live()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert stacks.linked_input(modifier, graph.MASK) == box.vertex_groups.active.name
+
+
 def test_keyframes_of_amount(rounded_box):
     box = rounded_box()
     before = read_positions(box.data)

@@ -215,6 +215,14 @@ def test_redo_writes_the_same_images_again(painted, adjust):
     assert (pixels_of("Rough sharpened") != first).any()
 
 
+def test_after_all_maps_redo_of_one_takes_the_chosen_image(painted, adjust):
+    painted.add("Rough", soft(0.4), "Roughness")
+    bpy.ops.ed.undo_push(message="Start")
+    sharpen("EXEC_DEFAULT", True, image="Rough", maps="MATERIAL")
+    adjust(maps="ONE")
+    assert "the texture Rough" in operators.summaries["texture"]
+
+
 def test_redo_of_replaced_maps_starts_from_the_old_pixels(painted, adjust):
     painted.add("Rough", soft(0.4), "Roughness")
     for image in bpy.data.images:

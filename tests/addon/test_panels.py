@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
+from shock_filter.shock_addon.data.mesh import shape_keys
 from shock_filter.shock_addon.flow import showing as flow_shown
 from shock_filter.shock_addon.live import updating
 from shock_filter.shock_addon.modes import DEFAULTS, JOBS, choices, find, modes_of
@@ -592,6 +593,21 @@ def test_a_new_object_is_said_before_the_press(rounded_box):
     assert "Live copy: Voxels is on top" in said
     bpy.context.scene.shock_filter.geometry.output = "MESH"
     assert "New Object" not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+
+
+def test_the_state_of_weighted_shape_keys_is_not_read_while_drawing(rounded_box, monkeypatch):
+    box = rounded_box()
+    box.vertex_groups.new(name="Some").add([0, 1], 0.5, "REPLACE")
+    bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+    box.shape_key_add(name="Basis")
+    box.shape_key_add(name="Key").vertex_group = "Some"
+
+    def refuse(*_):
+        raise AssertionError("this makes data")
+
+    monkeypatch.setattr(shape_keys, "group_weights", refuse)
+    box.data.shape_keys.key_blocks["Key"].value = 0.5
+    assert ("shock_filter.update_live",) in words(draw(panels.SHOCK_FILTER_PT_main), "operator")
 
 
 def test_painting_where_says_what_to_paint_with(rounded_box):
