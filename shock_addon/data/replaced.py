@@ -18,7 +18,7 @@ from . import arrays, shown
 from .chosen import subjects
 from .image import images, mixing, textures
 from .image.tiles import Tiles
-from .live import color_nodes, nodes
+from .live import color_nodes, nodes, recipes
 from .mesh import shape_keys, visible
 from .mesh.meshes import check_leaving, object_mode
 from .mesh.original import color_attribute
@@ -43,8 +43,8 @@ class _Key(NamedTuple):
     mute: bool
 
 
-Contents = dict[tuple[str, str], _Attribute | _Key | None]
-"""The data of a mesh, by kind and name; None for missing data."""
+Contents = dict[tuple[str, str], _Attribute | _Key | str | None]
+"""The data of a mesh, by kind and name, and recipes of live results; None for missing data."""
 
 
 class MeshSwap:
@@ -100,8 +100,10 @@ class MeshSwap:
     def write(self, state: str) -> None:
         """Write one of both, in Object Mode."""
         mesh = self._find()
-        for (_, name), kept in (self._before if state == BEFORE else self._after).items():
-            if isinstance(kept, _Key):
+        for (kind, name), kept in (self._before if state == BEFORE else self._after).items():
+            if kind == "recipe":
+                recipes.put(mesh, name, kept)
+            elif isinstance(kept, _Key):
                 key = mesh.shape_keys.key_blocks[name]
                 shape_keys.write(key, kept.positions)
                 key.mute = kept.mute
@@ -129,6 +131,8 @@ class MeshSwap:
             )
         for key in mesh.shape_keys.key_blocks if mesh.shape_keys else []:
             found["key", key.name] = _Key(shape_keys.read(key), key.mute)
+        for key in recipes.OF_MESHES:
+            found["recipe", key] = mesh.get(key)
         return found
 
 

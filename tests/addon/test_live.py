@@ -14,6 +14,7 @@ from shock_filter.core.host.live.movement import Connectivity, is_fitting, marks
 from shock_filter.shock_addon.data import MOVE
 from shock_filter.shock_addon.data.chosen import live_modifier, live_source
 from shock_filter.shock_addon.data.live import graph, nodes, stacks
+from shock_filter.shock_addon.data.live.recipes import all_noted
 from shock_filter.shock_addon.data.mesh import geometry, meshes
 from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
 from shock_filter.shock_addon.data.mesh.original import Original, show
@@ -382,6 +383,21 @@ def test_before_and_after_swap_it(rounded_box):
     np.testing.assert_array_equal(seen(box), before)
     bpy.ops.shock_filter.before_after()
     np.testing.assert_array_equal(seen(box), after)
+
+
+def test_before_and_after_swap_how_it_was_made(rounded_box):
+    mesh = rounded_box().data
+    sharpen(output="LIVE", time=0.5)
+    sharpen(output="LIVE", time=1.0)
+    bpy.ops.shock_filter.before_after()
+    (recipe,) = all_noted(mesh)
+    assert recipe[1]["time"] == 0.5
+    bpy.ops.shock_filter.before_after()
+    assert all_noted(mesh)[0][1]["time"] == 1.0
+    sharpen(output="MESH")
+    assert not all_noted(mesh)
+    bpy.ops.shock_filter.before_after()
+    assert all_noted(mesh)[0][1]["time"] == 1.0
 
 
 @pytest.fixture

@@ -14,6 +14,10 @@ Recipe = tuple[str, dict[str, Any]]
 """The name of an operator, and its properties."""
 
 
+OF_MESHES = LIVE_COLORS, LIVE_STAMP
+"""Keys under which a mesh keeps how its results were made: colors, then the shape."""
+
+
 class AsLive:
     """The parameters of an operator, with the output Live."""
 
@@ -46,6 +50,14 @@ def note(
     owner[key] = json.dumps({"operator": operator, "settings": settings})
 
 
+def put(mesh: bpy.types.Mesh, key: str, kept: str | None) -> None:
+    """Put back what a mesh kept under a key; None for nothing."""
+    if kept is not None:
+        mesh[key] = kept
+    elif key in mesh:
+        del mesh[key]
+
+
 def noted(owner: bpy.types.Mesh | bpy.types.Node, key: str = LIVE_STAMP) -> Recipe | None:
     """Return the operator and the properties that made a result; None if nothing says so."""
     try:
@@ -58,7 +70,7 @@ def noted(owner: bpy.types.Mesh | bpy.types.Node, key: str = LIVE_STAMP) -> Reci
 def all_noted(mesh: bpy.types.Mesh) -> list[Recipe]:
     """List what made the results of a mesh: colors, then the shape; once if one made both."""
     found: list[Recipe] = []
-    for key in (LIVE_COLORS, LIVE_STAMP):
+    for key in OF_MESHES:
         recipe = noted(mesh, key)
         if recipe is not None and recipe not in found:
             found.append(recipe)
