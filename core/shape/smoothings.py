@@ -35,6 +35,9 @@ FIRST, NEXT = 21, 12
 _PLAIN, _NEXT_PLAIN = (1, 3, 8, 20), (1, 4, 10)
 """Passes of plain means."""
 
+GIVEN = 1 + len(_NEXT_PLAIN)
+"""Index of the normals that the mesh came with, among the smoothings of later stages."""
+
 _ALIKE, _NEXT_ALIKE = ((0.2, (3, 10)), (0.4, (3, 8))), ((0.12, (2, 8)), (0.3, (4, 12)))
 """How far apart similar normals are, which count by exp(-1/2), and passes."""
 
