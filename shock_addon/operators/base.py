@@ -26,7 +26,7 @@ from ..data.skipped import (
 from ..kinds import Data
 from ..modes import Mode, Target
 from ..running import kernels
-from ..running.jobs import ModalJob, current, is_scene_read
+from ..running.jobs import ModalJob, current, is_previewing, is_scene_read
 from .keeping import Found, found, owners
 from .keeping import subjects as _subjects
 from .properties import AUTO, settings_of
@@ -423,6 +423,8 @@ def can_run(operator: type, obstacle: str) -> bool:
         obstacle = "Wait until the render, or the last run, has ended."
     if current() is not None:
         obstacle = "A run is under way; wait for it, or press Esc to cancel it."
+    if is_previewing():
+        obstacle = "A preview is under way; click to apply it, or press Esc."
     if obstacle:
         operator.poll_message_set(pgettext_rpt(obstacle))
     return not obstacle

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
@@ -33,12 +33,19 @@ class _Stage:
 
     note = ""
 
-    def __init__(self, image: bpy.types.Image, gain_map: bpy.types.Image, surface: Any) -> None:
-        self._map = gain_map.session_uid
+    def __init__(
+        self,
+        image: bpy.types.Image,
+        gain_map: bpy.types.Image,
+        surface: Any,
+        objects: Sequence[str],
+    ) -> None:
+        self._image, self._map = image.session_uid, gain_map.session_uid
         self._surface = replace(surface, is_tried=True)
         self._stand_in = data.image.stand_in.StandIn(image)
         self._stand_in.show(surface.picture.pixels)
-        self._coat = Coat(surface.faces, not image.is_float, is_workbench)
+        self._objects = {name: bpy.data.objects[name].matrix_world.copy() for name in objects}
+        self._coat = Coat(surface.faces, not image.is_float, self._is_seen)
         self._hint: Any = bpy.types.SpaceView3D.draw_handler_add(
             _draw_hint, (), "WINDOW", "POST_PIXEL"
         )
@@ -72,6 +79,20 @@ class _Stage:
         """Return whether the image, its map or its stand-in is gone."""
         return not self._stand_in.is_there or _find(self._map) is None
 
+    def is_of(self, settings: Any) -> bool:
+        """Return whether settings name this image and map; a name may be one of before."""
+        named = ((settings.image, self._image), (settings.gain_map, self._map))
+        found = [(bpy.data.images.get(name), uid) for name, uid in named]
+        return all(image is None or image.session_uid == uid for image, uid in found)
+
+    def _is_seen(self, space: bpy.types.SpaceView3D) -> bool:
+        # The coat stays where the objects were.
+        found = [(bpy.data.objects.get(name), place) for name, place in self._objects.items()]
+        return is_workbench(space) and all(
+            obj is not None and obj.visible_get(viewport=space) and obj.matrix_world == place
+            for obj, place in found
+        )
+
     def end(self) -> None:
         """Show the original texture."""
         self._stand_in.end()
@@ -100,7 +121,7 @@ class Painting:
             # Else the painted image would be taken for the texture, or the stand-in for the image.
             settings.image, settings.gain_map = image.name, gain_map.name
             data.image.canvas.paint_on(context, gain_map, undo)
-            self.stage = _Stage(image, gain_map, target.surface)
+            self.stage = _Stage(image, gain_map, target.surface, target.objects)
             undo.callback(self.stage.end)
             self.preview = Preview(mode, parameters, self.stage)
             undo.pop_all()
@@ -126,10 +147,13 @@ class Painting:
         return is_new
 
     def is_lost(self) -> bool:
-        """Return whether the image or the map is gone."""
+        """Return whether the image, the map or the object is gone, or others are chosen."""
         scene = bpy.data.scenes.get(self._scene)
-        is_chosen = scene is not None and scene.shock_filter.mode.lower() == self._mode.key
-        return not is_chosen or self.stage.lost()
+        if scene is None or scene.shock_filter.mode.lower() != self._mode.key:
+            return True
+        return self.stage.lost() or not self.stage.is_of(
+            getattr(scene.shock_filter, self._mode.key)
+        )
 
 
 def _new_map(image: bpy.types.Image) -> bpy.types.Image:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from typing import Any
 
 import bpy
@@ -83,11 +83,13 @@ class MeshStage:
         self._outline.end()
         with data.mesh.meshes.object_mode(bpy.context) if self.lost() else nullcontext():
             self._original.restore()
-        obj = bpy.context.object
-        if self._left is None or obj is None or obj.session_uid != self._target.object_uid:
+        if self._left is None:
             return
-        obj.show_only_shape_key = self._pinned
-        self._left.enter_again(bpy.context)
+        with suppress(Skipped):
+            data.mesh.targets.find(self._target).show_only_shape_key = self._pinned
+        obj = bpy.context.object
+        if obj is not None and obj.session_uid == self._target.object_uid:
+            self._left.enter_again(bpy.context)
 
 
 def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:

@@ -38,8 +38,6 @@ _CANCELS = {"ESC", "RIGHTMOUSE"}
 _COMPARES = "B"
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
 
-_running: list[_Session] = []
-
 
 class _Session:
     """A preview under way, with its timer and texts.
@@ -53,12 +51,12 @@ class _Session:
         self.operator, self._preview = operator, preview
         self._status = StatusText()
         self._timer = context.window_manager.event_timer_add(_INTERVAL, window=context.window)
-        _running.append(self)
+        jobs.previews.append(self)
 
     @property
     def is_under_way(self) -> bool:
         """Whether it has not ended, and its operator still runs."""
-        return self in _running and not jobs.is_freed(self.operator)
+        return self in jobs.previews and not jobs.is_freed(self.operator)
 
     def show_text(self, context: bpy.types.Context) -> None:
         """Show the values of the dials, and the keys."""
@@ -69,9 +67,9 @@ class _Session:
 
     def end(self) -> None:
         """Restore all data, and remove timer and texts."""
-        if self not in _running:
+        if self not in jobs.previews:
             return
-        _running.remove(self)
+        jobs.previews.remove(self)
         bpy.context.window_manager.event_timer_remove(self._timer)
         self._status.clear(bpy.context)
         self._preview.end()
@@ -100,8 +98,6 @@ class _PreviewOperator:
             obstacle = "Wait until the render, or the last run, has ended."
         if not mode.has_preview:
             obstacle = "This cannot be tried; press the button above."
-        if is_running():
-            obstacle = "A preview is under way; click to apply it, or press Esc."
         return can_run(cls, obstacle)
 
     @staticmethod
@@ -226,11 +222,6 @@ def _begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pr
     return images.begin(context, event, mode)
 
 
-def is_running() -> bool:
-    """Whether a preview is under way."""
-    return any(session.is_under_way for session in _running)
-
-
 class SHOCK_FILTER_OT_preview(_PreviewOperator, bpy.types.Operator):
     """Try settings on the active object or the image, seen at once."""
 
@@ -279,13 +270,13 @@ def _of_meshes(context: bpy.types.Context, mode: Mode) -> str:
 @persistent
 def stop(*_: object) -> None:
     """End the preview, if one is under way, and restore all data."""
-    for session in list(_running):
+    for session in list(jobs.previews):
         session.end()
 
 
 def unregister() -> None:
     """End the preview, before its operator is unregistered."""
-    if _running:
+    if jobs.previews:
         jobs.settle(bpy.context.window_manager)
     stop()
 

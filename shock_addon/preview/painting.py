@@ -52,8 +52,10 @@ class SHOCK_FILTER_OT_paint_gain(bpy.types.Operator):
             return {"FINISHED"}
         from .gain import HINT, Painting
 
+        mode = _mode(context)
+        context.scene.shock_filter.mode = mode.key.upper()
         try:
-            _running.append(Painting(context, _mode(context)))
+            _running.append(Painting(context, mode))
         except (ShockError, Refused) as error:
             self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}

@@ -39,6 +39,9 @@ _READ_BY_OTHERS = ("RENDER", "OBJECT_BAKE")
 
 _running: set[Job] = set()
 _waits: list[_Wait] = []
+previews: list[Any] = []
+"""Previews that have not ended: what they show is no data to read."""
+
 _unsettled: dict[int, bpy.types.Timer] = {}
 
 
@@ -225,6 +228,11 @@ class SHOCK_FILTER_OT_cancel(bpy.types.Operator):
         """Ask the run to stop; its operator ends at the next timer event."""
         current().cancel()
         return {"FINISHED"}
+
+
+def is_previewing() -> bool:
+    """Whether a preview is under way."""
+    return any(each.is_under_way for each in previews)
 
 
 def current() -> Job | None:

@@ -19,7 +19,6 @@ from ..operators import poll as obstacles
 from ..operators.filtering import operator_of
 from ..operators.generating import FROM_SELECTED, MAPS
 from ..operators.wrapping import draw_text, fit
-from ..preview import operator as preview_operator
 from ..preview import painting
 from ..running import jobs, kernels
 from . import presets
@@ -270,7 +269,7 @@ def _inputs(context: bpy.types.Context, mode: Mode, settings: bpy.types.Property
     image = data.chosen.edited_image(context)
     if image is not None or mode.data.handled_as == "images":
         return [] if image is None else [image.name]
-    if preview_operator.is_running() or not data.chosen.mesh_objects(context):
+    if jobs.is_previewing() or not data.chosen.mesh_objects(context):
         return []  # a preview lets materials show another image
     try:
         return [data.chosen.chosen_image(context, settings.image).name]

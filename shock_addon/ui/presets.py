@@ -24,9 +24,14 @@ _OF_ONE_OBJECT = {
     "start_group",
     "start_image",
     "along_attribute",
+    "field",
+    "folder",
     "scale_map",
     *PICTURES,
 }
+
+_REMOVED = "Presets"
+"""What Blender calls a list of presets after one was removed."""
 
 _MODES = [(mode.key, label(mode.key), "") for mode in choices()]
 
@@ -104,7 +109,7 @@ def shown_name(mode: Mode, settings: Any) -> str:
             return iface_(preset.name)
     name = getattr(bpy.types, f"SHOCK_FILTER_PT_{mode.key}_presets").bl_label
     now = [getattr(settings, each) for each in mode.filter_names]
-    if name != _labels[mode.key]:
+    if name not in {_labels[mode.key], _REMOVED}:
         if _values.get(mode.key, ("",))[0] != name:
             _values[mode.key] = name, now
         if _values[mode.key][1] == now:

@@ -32,6 +32,7 @@ from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.preview import meshes as preview_meshes
 from shock_filter.shock_addon.preview import operator as preview_operator
 from shock_filter.shock_addon.preview import previewing
+from shock_filter.shock_addon.running import jobs
 
 ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items()}
 
@@ -893,7 +894,7 @@ def test_applying_runs_the_operator_on_the_old_shape(events, key):
     assert settings["widest_fillet"] == pytest.approx(2.2)
     assert settings["time"] == 256.0
     assert bpy.context.scene.shock_filter.geometry.amount == 0.75
-    assert preview_operator._running == []
+    assert jobs.previews == []
 
 
 def test_what_cannot_be_applied_is_an_error_in_words(events):
@@ -901,7 +902,7 @@ def test_what_cannot_be_applied_is_an_error_in_words(events):
     preview_operator.bpy.ops = bpy.ops
     assert events.send("RET") == {"CANCELLED"}
     assert "it has no vertex group named 'Nobody'" in events.reports[-1]
-    assert preview_operator._running == []
+    assert jobs.previews == []
 
 
 def test_undo_and_clicks_are_held_back_and_the_view_can_be_turned(events):
@@ -920,7 +921,7 @@ def test_blenders_handlers_end_it_first(events):
         assert preview_operator.stop in before_it
     preview_operator.stop()
     assert stored(box) == before
-    assert preview_operator._running == []
+    assert jobs.previews == []
     assert events.send("TIMER") == {"CANCELLED"}
 
 
@@ -942,7 +943,7 @@ def test_a_bug_leaves_the_old_shape(events, monkeypatch):
             events.send("TIMER")
             time.sleep(0.01)
     assert stored(box) == before
-    assert preview_operator._running == []
+    assert jobs.previews == []
 
 
 @pytest.mark.parametrize("step", ["_turn", "_follow"])
@@ -954,7 +955,7 @@ def test_any_error_while_it_follows_the_mouse_ends_it(events, monkeypatch, step)
     with pytest.raises(ZeroDivisionError):
         events.send("TIMER" if step == "_follow" else "MOUSEMOVE")
     assert stored(box) == before
-    assert not preview_operator.is_running()
+    assert not jobs.is_previewing()
     assert events.send("TIMER") == {"CANCELLED"}
 
 
@@ -970,7 +971,7 @@ def test_an_operator_that_blender_has_freed_is_no_preview_under_way(events):
     before = stored(box)
     shown_by(events)
     events._session.operator = _Freed()
-    assert not preview_operator.is_running()
+    assert not jobs.is_previewing()
     assert bpy.ops.shock_filter.preview.poll()
     preview_operator.stop()
     assert stored(box) == before
@@ -996,7 +997,7 @@ def test_without_a_window_it_names_the_filter(rounded_box):
     rounded_box()
     with pytest.raises(RuntimeError, match="run the filter itself"):
         bpy.ops.shock_filter.preview("INVOKE_DEFAULT")
-    assert preview_operator._running == []
+    assert jobs.previews == []
 
 
 def test_the_time_dial_reaches_from_zero_to_the_steady_state():
