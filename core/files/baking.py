@@ -57,7 +57,7 @@ def bake_file(
     targets = dict(zip(maps, files_of_maps(Path(target), maps), strict=True))
     for name, each in targets.items():
         _check(name, each, high is not None, settings.look, options.overwrite)
-    height, width = size if isinstance(size, tuple) else image_size(size, options.any_size)
+    height, width = size if isinstance(size, tuple) else image_size(size, options.any_size, False)
     surface = read_textured_mesh(mesh, options.material, options.any_size)
     detailed = None if high is None else _read_detailed(Path(high), options.any_size)
     with reporting(options.progress):

@@ -48,12 +48,14 @@ def field_file(
         Further arguments of the function; images as paths, under the names of their flags.
     """
     target = Path(target)
-    height, width = size if isinstance(size, tuple) else image_size(size, options.any_size)
+    height, width = size if isinstance(size, tuple) else image_size(size, options.any_size, False)
     surface = read_textured_mesh(mesh, options.material, options.any_size)
     words = {FILES.get(name, name): value for name, value in sources.items()}
     for flag, name in FILES.items():
         if flag in sources:
-            grays = read_grays(Path(sources[flag]), flag.replace("_", " "), options.any_size)
+            grays = read_grays(
+                Path(sources[flag]), flag.replace("_", " "), options.any_size, upright=False
+            )
             words[name] = np.ascontiguousarray(grays[::-1])
     with reporting(options.progress):
         if "along" in words:

@@ -206,7 +206,7 @@ def filtered(
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     whole &= np.isfinite(values[faces]).all(axis=(1, 2))
     faces = faces[whole]
-    lowest = np.ones(len(first))  # least weight of the merged vertices
+    lowest = np.full(len(first), np.inf)  # least weight of the merged vertices
     if weights is not None:
         np.minimum.at(lowest, index, weights)
     result = values.copy()

@@ -326,6 +326,17 @@ def test_text_ply_keeps_all_words_but_positions(tmp_path):
     assert new[rows.stop :] == old[rows.stop :]
 
 
+def test_coordinates_of_whole_numbers_are_refused(tmp_path):
+    vertices, faces = rounded_box()
+    text = text_ply(np.rint(100 * vertices), faces)
+    for axis in "xyz":
+        text = text.replace(f"property float {axis}", f"property int {axis}")
+    (tmp_path / "in.ply").write_text(text)
+    with pytest.raises(core.ShockError, match="save them as float"):
+        sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG)
+    assert not (tmp_path / "out.ply").exists()
+
+
 @pytest.mark.parametrize("kind", ["binary", "text"])
 def test_ply_time_zero_returns_the_same_bytes(tmp_path, kind):
     vertices, faces = rounded_box()
@@ -355,6 +366,17 @@ def test_ply_mask_holds_vertices_bit_for_bit(tmp_path, name):
         moved = np.any([old[axis] != new[axis] for axis in "xyz"], axis=0)
         assert not moved[still].any()
         assert moved[~still].sum() > 50
+
+
+def test_weights_above_1_are_refused(tmp_path):
+    vertices, faces = rounded_box()
+    weights = np.full(len(vertices), 5.0)
+    (tmp_path / "in.ply").write_bytes(
+        ply_bytes(vertices, faces, [("weight", "float", "f4", weights)])
+    )
+    with pytest.raises(core.ShockError, match="1"):
+        sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG, mask="weight")
+    assert not (tmp_path / "out.ply").exists()
 
 
 def test_mask_reaches_split_vertices(tmp_path):

@@ -19,6 +19,7 @@ from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.color.image_sharpening import measure_image
 from shock_filter.core.files.formats.image.pillow import read_pillow
+from shock_filter.core.files.images import filter_image_file
 
 STILL = core.ImageSettings(time=0)
 STRONG = core.ImageSettings(time=64)
@@ -275,6 +276,34 @@ def test_tiff_with_an_unknown_kind_of_extra_channel_is_written():
     Path("in.tif").write_bytes(damaged)
     sharpen("in.tif", "out.tif")
     assert read("out.tif").shape == pixels.shape
+
+
+def test_exr_may_have_opacity_of_another_type():
+    colors, opacity = picture(3, "float16"), np.ones(picture(1, "float32").shape[:2], np.float32)
+    channels = {name: colors[..., at].copy() for at, name in enumerate("RGB")}
+    write_exr("in.exr", {**channels, "A": opacity})
+    assert sharpen("in.exr", "out.exr").notes == ("its channels of different types became float32",)
+    assert read_exr("out.exr")[1]["RGBA"].dtype == np.float32
+
+
+def test_a_larger_copy_of_a_map_covers_the_same_ground():
+    matrix = (10.0, 0.0, 0.0, 7.0, 0.0, -20.0, 0.0, 8.0, *(4 * [0.0]), 0.0, 0.0, 0.0, 1.0)
+    places = [
+        (33550, 12, 3, (10.0, 20.0, 0.0), True),
+        (33922, 12, 6, (1.0, 2.0, 0.0, 7.0, 8.0, 0.0), True),
+        (34264, 12, 16, matrix, True),
+    ]
+    tifffile.imwrite("in.tif", picture(3, "uint8"), photometric="rgb", extratags=places)
+
+    def doubled(pixels):
+        return pixels.repeat(2, 0).repeat(2, 1)
+
+    filter_image_file(doubled, "in.tif", "out.tif", times=2)
+    with tifffile.TiffFile("out.tif") as file:
+        tags = file.pages[0].tags
+        assert tags[33550].value == (5.0, 10.0, 0.0)
+        assert tags[33922].value == (2.0, 4.0, 0.0, 7.0, 8.0, 0.0)
+        assert tags[34264].value == (5.0, 0.0, 0.0, 7.0, 0.0, -10.0, *matrix[6:])
 
 
 def test_exr_keeps_header_and_other_channels():

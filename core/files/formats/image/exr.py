@@ -30,19 +30,25 @@ def read_exr(path: Path) -> ImageFile:
         if stream.read(4) != _MAGIC:
             raise ShockError(f"{path} cannot be read; it is not an OpenEXR file.")
     try:
-        with openexr.File(str(path), header_only=True) as file:
+        with openexr.File(str(path), separate_channels=True, header_only=True) as file:
             if file.header().get("type") in (openexr.deepscanline, openexr.deeptile):
                 raise ShockError(f"{path} holds deep pixels; flatten it first.")
             low, high = file.header()["dataWindow"]
             width, height = high - low + 1.0
             check_claim(path, 4 * width * height * len(file.header()["channels"]))
-        with openexr.File(str(path)) as file:
-            parts = len(file.parts)
-            header = dict(file.header())  # a copy, as closing the file clears the original
-            pixels = {name: channel.pixels for name, channel in file.channels().items()}
+        try:
+            parts, header, pixels = _contents(openexr, path)
+        except ValueError as error:
+            if "coalesce" not in str(error):  # colors and opacity of different types
+                raise
+            parts, header, pixels = _contents(openexr, path, separate_channels=True)
     except RuntimeError as error:
         raise ValueError(str(error)) from error
     notes = []
+    if set("RGB") <= set(pixels):
+        names = "RGBA" if "A" in pixels else "RGB"
+        pixels[names] = np.dstack([pixels.pop(name) for name in names])
+        notes.append(f"its channels of different types became {pixels[names].dtype}")
     if parts > 1:
         raise ShockError(f"{path} holds {parts} parts; save them as files of one part each.")
     if {"Y", "RY", "BY"} <= set(pixels):
@@ -84,6 +90,16 @@ def read_exr(path: Path) -> ImageFile:
 def _lossless(openexr: Any) -> set[Any]:
     names = ("NO", "RLE", "ZIPS", "ZIP", "PIZ")
     return {getattr(openexr, f"{name}_COMPRESSION") for name in names}
+
+
+def _contents(
+    openexr: Any, path: Path, **words: bool
+) -> tuple[int, dict[str, Any], dict[str, npt.NDArray[Any]]]:
+    """The number of parts, the header, and the pixels by channels or groups of these."""
+    with openexr.File(str(path), **words) as file:
+        header = dict(file.header())  # a copy, as closing the file clears the original
+        pixels = {name: channel.pixels for name, channel in file.channels().items()}
+        return len(file.parts), header, pixels
 
 
 def _of_luminance(

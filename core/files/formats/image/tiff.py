@@ -54,6 +54,9 @@ _SUB_PAGES = 330
 _BLOCKS = {34665: "EXIF", 34853: "GPS", 40965: "EXIF interoperability", 37724: "layers"}
 _TEXT = 2  # type of tags
 _RESOLUTION_UNITS = {1: None, 2: 1.0, 3: 2.54}
+_PIXEL_SCALE, _TIE_POINTS, _TRANSFORM = 33550, 33922, 34264
+"""Tags of GeoTIFF that say where pixels lie."""
+
 _XMP = 700
 _ICC = 34675
 _NAMES = {_XMP: XMP, _ICC: ICC}
@@ -441,4 +444,23 @@ def _options(image_file: ImageFile, shape: tuple[int, ...]) -> dict[str, Any]:
     if XMP in image_file.about and image_file.format != "TIFF":
         data = image_file.about[XMP]
         options["extratags"] = [(_XMP, 1, len(data), data, True)]
+    scales = [new / old for new, old in zip(shape[:2], image_file.pixels.shape[:2], strict=True)]
+    options["extratags"] = [
+        (code, kind, count, _placed(code, value, *scales), once)
+        for code, kind, count, value, once in options.get("extratags", ())
+    ]
     return options
+
+
+def _placed(code: int, value: Any, down: float, across: float) -> Any:
+    """A tag of GeoTIFF for a picture of another size, which covers the same ground."""
+    if code not in (_PIXEL_SCALE, _TIE_POINTS, _TRANSFORM) or down == across == 1.0:
+        return value
+    values = np.array(value, dtype=float)
+    if code == _PIXEL_SCALE:
+        values[:2] /= across, down
+    elif code == _TIE_POINTS:
+        values.reshape(-1, 6)[:, :2] *= across, down
+    else:
+        values.reshape(4, 4)[:, :2] /= across, down
+    return tuple(values.tolist())

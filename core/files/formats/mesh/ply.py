@@ -56,6 +56,11 @@ class PlyFile(InPlaceDocument):
         self.parts = np.zeros(len(self.faces), dtype=np.int64)
 
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        if any(self._table.kind(axis).kind != "f" for axis in "xyz"):
+            raise ShockError(
+                f"{self._path}: its coordinates are whole numbers, which cannot be moved; save"
+                " them as float."
+            )
         for axis, column in zip("xyz", positions.T, strict=True):
             stored(column, self._table.kind(axis))
         changes = {"x": positions[:, 0], "y": positions[:, 1], "z": positions[:, 2]}
