@@ -44,7 +44,8 @@ class _Stage:
         self._surface = replace(surface, is_tried=True)
         self._stand_in = data.image.stand_in.StandIn(image)
         self._stand_in.show(surface.picture.pixels)
-        self._objects = {name: bpy.data.objects[name].matrix_world.copy() for name in objects}
+        found = [bpy.data.objects[name] for name in objects]
+        self._places = {obj.session_uid: obj.matrix_world.copy() for obj in found}
         self._coat = Coat(surface.faces, not image.is_float, self._is_seen)
         self._hint: Any = bpy.types.SpaceView3D.draw_handler_add(
             _draw_hint, (), "WINDOW", "POST_PIXEL"
@@ -76,8 +77,9 @@ class _Stage:
         self._coat.show(pixels)
 
     def lost(self) -> bool:
-        """Return whether the image, its map or its stand-in is gone."""
-        return not self._stand_in.is_there or _find(self._map) is None
+        """Return whether an object, the image, its map or its stand-in is gone."""
+        is_there = len(self._found()) == len(self._places) and self._stand_in.is_there
+        return not is_there or _find(self._map) is None
 
     def is_of(self, settings: Any) -> bool:
         """Return whether settings name this image and map; a name may be one of before."""
@@ -87,11 +89,13 @@ class _Stage:
 
     def _is_seen(self, space: bpy.types.SpaceView3D) -> bool:
         # The coat stays where the objects were.
-        found = [(bpy.data.objects.get(name), place) for name, place in self._objects.items()]
         return is_workbench(space) and all(
-            obj is not None and obj.visible_get(viewport=space) and obj.matrix_world == place
-            for obj, place in found
+            obj.visible_get(viewport=space) and obj.matrix_world == self._places[obj.session_uid]
+            for obj in self._found()
         )
+
+    def _found(self) -> list[bpy.types.Object]:
+        return [obj for obj in bpy.data.objects if obj.session_uid in self._places]
 
     def end(self) -> None:
         """Show the original texture."""

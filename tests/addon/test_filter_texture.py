@@ -375,6 +375,21 @@ def test_what_is_painted_and_set_is_shown(painted):
     np.testing.assert_allclose(made, result, atol=1.5 / 255)
 
 
+def test_painting_goes_on_when_the_map_is_renamed(painted):
+    bpy.data.images["Wood gain"].name = "Gain"
+    painting._tick()
+    assert painting.is_running()
+
+
+def test_painting_chooses_its_mode(sheet):
+    bpy.context.scene.shock_filter.mode = "GEOMETRY"
+    assert paint_gain() == {"FINISHED"}
+    assert bpy.context.scene.shock_filter.mode == "DETAIL"
+    painting._tick()
+    assert painting.is_running()
+    painting.stop()
+
+
 def test_a_run_ends_painting_and_reads_the_texture_itself(painted):
     paint("Wood gain", slice(0, SIZE), 1.0)
     settled()
@@ -385,7 +400,7 @@ def test_a_run_ends_painting_and_reads_the_texture_itself(painted):
     np.testing.assert_allclose(detail(waves_stored()), 2.0 * np.array(detail(waves())), atol=0.01)
 
 
-@pytest.mark.parametrize("end", ["mode", "save", "load", "image"])
+@pytest.mark.parametrize("end", ["mode", "save", "load", "image", "map", "object"])
 def test_painting_ends_with_what_it_is_about(painted, end, tmp_path):
     settled()
     if end == "mode":
@@ -394,6 +409,11 @@ def test_painting_ends_with_what_it_is_about(painted, end, tmp_path):
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"), copy=True)
     elif end == "image":
         bpy.data.images.remove(bpy.data.images["Wood"])
+    elif end == "map":
+        bpy.data.images.new("Other", SIZE, SIZE)
+        bpy.context.scene.shock_filter.detail.gain_map = "Other"
+    elif end == "object":
+        bpy.data.objects.remove(bpy.context.object)
     else:
         bpy.ops.wm.read_homefile(use_empty=True)
     painting._tick()

@@ -150,7 +150,13 @@ def test_a_preset_of_a_person_is_named_until_something_changes():
     assert presets.shown_name(find("image"), settings) == "Custom"
     bpy.ops.shock_filter.use_preset(mode="image", name="Subtle")
     assert presets.shown_name(find("image"), settings) == "Subtle"
+    settings.amount = 0.3
     bpy.ops.shock_filter.image_preset_add(name="Mine", remove_name=True)
+    assert presets.shown_name(find("image"), settings) == "Custom"
+
+
+def test_presets_leave_out_where_frames_and_directions_of_an_object_are():
+    assert not {"folder", "field"} & set(presets.kept(find("visualize")))
 
 
 def test_the_tooltip_says_the_reason():

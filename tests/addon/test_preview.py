@@ -710,6 +710,15 @@ def test_other_modes_see_it_and_are_kept(rounded_box, mode):
     assert stored(box) == before
 
 
+def test_keys_are_mixed_again_if_another_object_became_active(keyed):
+    keyed.active_shape_key_index = 1
+    bpy.ops.object.mode_set(mode="EDIT")
+    running = begun("geometry")
+    bpy.context.view_layer.objects.active = None
+    running.end()
+    assert not keyed.show_only_shape_key
+
+
 def test_edit_mode_previews_the_selection_and_the_key_that_it_shows(keyed):
     keyed.active_shape_key_index = 1
     keyed.active_shape_key.value = 0.0
@@ -976,6 +985,13 @@ def test_an_operator_that_blender_has_freed_is_no_preview_under_way(events):
     preview_operator.stop()
     assert stored(box) == before
     assert events.status[-1] is None
+
+
+def test_no_filter_runs_on_what_it_shows(events):
+    shown_by(events)
+    assert not bpy.ops.shock_filter.sharpen_geometry.poll()
+    events.send("ESC", "PRESS")
+    assert bpy.ops.shock_filter.sharpen_geometry.poll()
 
 
 def test_the_button_says_what_is_missing(rounded_box):

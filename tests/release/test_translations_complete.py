@@ -35,14 +35,14 @@ SHOWN_ARGUMENTS = {
 }
 """Functions that look words up or hand them on to Blender, and in which arguments these are."""
 
-SENTENCES = {"operator.py", "comparing.py", "jobs.py", "poll.py", "base.py"}
+SENTENCES = {"operator.py", "comparing.py", "jobs.py", "poll.py", "base.py", "painting.py"}
 """Files whose sentences are all shown."""
 
 WORDS = {"panels.py", "drawing.py"}
 """Files whose words are all shown."""
 
-REASONS = {"chosen.py"}
-"""Files whose reasons to skip something are all shown."""
+REASON = "(its?|no|nothing|there is|There is|Nothing,) [^;]*[;,] "
+"""Beginning of a reason to skip something, with what to do, or of a remark, in all files."""
 
 
 SHOWN_IN_CODE = ("job", "noisy", "_auto", "start_from", "streak_frames")
@@ -141,8 +141,8 @@ def texts_of_code():
                     yield from strings(default)
         if path.name in SENTENCES:
             yield from (text for text in strings(tree) if re.match("[A-Z].* .*[.]$", text))
-        if path.name in REASONS:
-            yield from (text for text in strings(tree) if re.match("it .*; ", text))
+        if "shock_addon" in path.parts:
+            yield from (text for text in strings(tree) if re.match(REASON, text))
         if path.name in WORDS:
             yield from (text for text in strings(tree) if re.match("[A-Z][a-z]", text))
 
