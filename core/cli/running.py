@@ -129,6 +129,10 @@ def filter_file(
         if job.is_done_meanwhile(source, target):
             return Result(True, f"{source} -> {target}: made by another run meanwhile")
         return failure(source, error)
+    except MemoryError as error:
+        reason = f" ({error})" if str(error) else ""
+        text = f"{source} needs more memory than there is{reason}; free some."
+        return failure(source, ShockError(text))
     except Exception as error:  # unforeseen; the other files are processed all the same
         trace = "".join(traceback.format_exception(error))
         return Result(False, f"{trace}\nFailed: {source}: {type(error).__name__}: {error}")

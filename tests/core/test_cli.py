@@ -308,19 +308,33 @@ def test_failures_do_not_stop_the_others(folder, capsys):
 class Unlucky(Recorder):
     """A backend that meets what nobody thought of."""
 
+    def __init__(self, error):
+        super().__init__()
+        self.error = error
+
     def filter(self, command, source, target, settings, options, progress):
         if source == "a.obj":
-            raise MemoryError("Unable to allocate 40 GiB")
+            raise self.error
         return super().filter(command, source, target, settings, options, progress)
 
 
 def test_an_unforeseen_error_does_not_stop_the_others(folder, capsys):
     make("a.obj", "b.obj")
-    assert sharpen("a.obj", "b.obj", "out/", backend=Unlucky()) == 1
+    assert sharpen("a.obj", "b.obj", "out/", backend=Unlucky(KeyError("x"))) == 1
     assert os.listdir("out") == ["b.obj"]
     err = capsys.readouterr().err
     assert err.startswith("Traceback")
-    assert err.endswith("Failed: a.obj: MemoryError: Unable to allocate 40 GiB\n")
+    assert err.endswith("Failed: a.obj: KeyError: 'x'\n")
+
+
+@pytest.mark.parametrize("words", [("Unable to allocate 40 GiB",), ()])
+def test_too_little_memory_is_said_in_a_sentence(folder, capsys, words):
+    make("a.obj", "b.obj")
+    assert sharpen("a.obj", "b.obj", "out/", backend=Unlucky(MemoryError(*words))) == 1
+    assert os.listdir("out") == ["b.obj"]
+    reason = " (Unable to allocate 40 GiB)" if words else ""
+    said = f"Failed: a.obj needs more memory than there is{reason}; free some.\n"
+    assert capsys.readouterr().err == said
 
 
 def test_a_pattern_without_a_match_fails(folder, capsys):
