@@ -62,8 +62,8 @@ def _check_pictures(pairs: list[tuple[str, Path]], options: argparse.Namespace) 
     taken = {os.path.realpath(name): "is read" for name in files_named(vars(options).values())}
     taken |= {os.path.realpath(source): "is an input" for source, _ in pairs}
     taken |= {os.path.realpath(target): "is an output" for _, target in pairs}
-    for source, _ in pairs:
-        picture = picture_of(source, options)
+    for pair in pairs:
+        _, picture = outputs_of(*pair, options)
         place = os.path.realpath(picture)
         if place in taken:
             raise UsageError(f"{picture} {taken[place]}, too; name another file with --picture")

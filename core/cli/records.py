@@ -83,8 +83,8 @@ class Record:
     """Notes how outputs are made before they are moved to their places: kills cannot part them.
 
     The first output may bring others that appear with it in its folder; all others are announced by
-    themselves. If an output is a folder whose files appear one by one, each file is noted before it is moved,
-    until all are there.
+    themselves. If an output is a folder whose files appear one by one, each file is noted before it
+    is moved, until all are there.
     """
 
     def __init__(self, outputs: list[Path], made: str) -> None:

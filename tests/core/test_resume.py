@@ -161,7 +161,7 @@ def test_frames_in_a_folder_are_one_output(folder, capsys):
     assert len(os.listdir("frames")) == 2
 
 
-# ------------------------------------------------------------------------- several files of an input
+# ------------------------------------------------------------------------ several files of an input
 
 SHEET = """
 v 0 0 0
