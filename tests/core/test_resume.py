@@ -213,6 +213,7 @@ def tile(*words):
 
 
 def test_pictures_are_outputs_as_well(folder, capsys):
+    Path("seen").mkdir()
     assert tile() == 0
     assert capsys.readouterr().err == ""
     pictures = ["a.png tiles.png", "b.png tiles.png"]
