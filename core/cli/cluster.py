@@ -155,7 +155,7 @@ class _Run:
                 self._skipped += 1
                 continue
             try:
-                _check_target(self._job, target)
+                _check_targets(self._job, source, target)
             except (ShockError, OSError) as error:
                 self._note(failure(source, error))
             else:
@@ -234,15 +234,15 @@ def _is_divided(job: Job, source: str, target: Path) -> bool:
         return False
 
 
-def _check_target(job: Job, target: Path) -> None:
-    """Refuse to replace an output unless requested."""
-    may_replace = job.may_replace(target)
+def _check_targets(job: Job, source: str, target: Path) -> None:
+    """Refuse to replace outputs unless requested."""
     if job.options.command.kind.makes_frames and job.options.kind != "lines":
         from ..files.frames import check_frames_target
 
-        check_frames_target(target, may_replace)
+        check_frames_target(target, job.may_replace(target))
     else:
-        check_target(target, may_replace)
+        for each in job.outputs(source, target):
+            check_target(each, job.may_replace(each))
 
 
 def _check_workers(client: Any) -> None:

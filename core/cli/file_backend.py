@@ -15,7 +15,7 @@ from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE, Kind
 from ..settings import named, value_of
 from . import flows
 from .commands import BAKE_MAPS, COMMANDS, MAPS, MODEL, REPAIR_MODEL, TILES, Command
-from .inputs import FileName
+from .inputs import FileName, picture_of
 from .parsing import add_gain_map, add_mask, add_others, add_sources, sources_of
 
 if TYPE_CHECKING:
@@ -87,8 +87,8 @@ class FileBackend:
                 "--picture",
                 type=os.path.abspath,
                 metavar="PICTURE",
-                help="also draw the model before and after; of several inputs, each gets its name"
-                " in front of this one",
+                help="also draw the model before and after; of several inputs, each gets its file"
+                " name in front of this one: a.glb seen.png",
             )
         if command.name == TILES:
             parser.add_argument(
@@ -96,7 +96,7 @@ class FileBackend:
                 type=os.path.abspath,
                 metavar="PICTURE",
                 help="also draw the result three times along each joined axis; of several inputs,"
-                " each gets its name in front of this one",
+                " each gets its file name in front of this one: a.png tiles.png",
             )
         if command is BAKE_MAPS:
             parser.add_argument(
@@ -160,13 +160,12 @@ class FileBackend:
         if command.takes_gain:
             asked = replace(asked, gain=value_of(settings, "gain"))
         if command.kind is MODEL:
-            picture = options.picture and _beside(options.picture, source, len(options.inputs))
+            picture = picture_of(source, options)
             return command.load()(source, target, settings, asked, picture=picture)
         if command is BAKE_MAPS:
             size = options.size or options.like
             words = {"high": options.high, "size": size, "settings": settings}
-            out = target.with_name(Path(options.output).name)  # the target is that of the first map
-            return command.load()(source, out, options.map, options=asked, **words)
+            return command.load()(source, target, options.map, options=asked, **words)
         if command.kind is MASK:
             size = options.size or options.like
             return command.load()(source, target, settings.kind, size, asked)
@@ -184,18 +183,11 @@ class FileBackend:
         if named(command.settings, "enlargement"):
             words["times"] = value_of(settings, "enlargement")
         filtering = partial(function, settings=settings)
-        if command.name == TILES and options.picture:
-            place = _beside(options.picture, source, len(options.inputs))
-            return _tile_file()(filtering, *files, asked, place, settings.axes)
+        if command.name == TILES and (picture := picture_of(source, options)):
+            return _tile_file()(filtering, *files, asked, picture, settings.axes)
         if command.takes_known and options.like:
             filtering = partial(filtering, known=_measured(options.like, settings, asked))
         return _pipeline(command.kind)(filtering, *files, asked, **words)
-
-
-def _beside(picture: str, source: str, count: int) -> Path:
-    # One picture for each input.
-    path = Path(picture)
-    return path if count == 1 else path.with_name(f"{Path(source).stem} {path.name}")
 
 
 def _measured(path: str, settings: Any, asked: Any) -> Any:

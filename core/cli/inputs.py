@@ -27,12 +27,47 @@ class FileName(str):
 def files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
     """Each input with its output.
 
-    First finishes or removes what killed runs have left in the folders of both.
+    First finishes or removes what killed runs have left in the folders of both. Also notes in
+    `options` whether there are several, as their pictures have other names.
     """
     _tidy(options.inputs)
     pairs = _files_of(options)
-    _tidy(target for _, target in pairs)
+    options.has_several = len(pairs) > 1
+    _check_pictures(pairs, options)
+    _tidy(each for pair in pairs for each in outputs_of(*pair, options))
     return pairs
+
+
+def outputs_of(source: str, target: Path, options: argparse.Namespace) -> list[Path]:
+    """All files that are made from an input; messages name the first."""
+    if maps := getattr(options, "map", None):
+        return files_of_maps(target, maps)
+    picture = picture_of(source, options)
+    return [target] if picture is None else [target, picture]
+
+
+def picture_of(source: str, options: argparse.Namespace) -> Path | None:
+    """The picture that is also drawn of an input."""
+    if options.picture is None:
+        return None
+    path = Path(options.picture)
+    # With the ending, as a.png and a.jpg are two inputs.
+    return path.with_name(f"{Path(source).name} {path.name}") if options.has_several else path
+
+
+def _check_pictures(pairs: list[tuple[str, Path]], options: argparse.Namespace) -> None:
+    """Refuse pictures in the place of another file of the run."""
+    if options.picture is None:
+        return
+    taken = {os.path.realpath(name): "is read" for name in files_named(vars(options).values())}
+    taken |= {os.path.realpath(source): "is an input" for source, _ in pairs}
+    taken |= {os.path.realpath(target): "is an output" for _, target in pairs}
+    for pair in pairs:
+        _, picture = outputs_of(*pair, options)
+        place = os.path.realpath(picture)
+        if place in taken:
+            raise UsageError(f"{picture} {taken[place]}, too; name another file with --picture")
+        taken[place] = "is the picture of another input"
 
 
 def _tidy(names: Iterable[str | Path]) -> None:
@@ -46,9 +81,6 @@ def _files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
         tidy(Path(options.output))
         return [(options.inputs[0], Path(options.output))]
     pairs = _pairs(options.inputs, options.output)
-    if maps := getattr(options, "map", None):
-        # The files of the others appear with that of the first.
-        pairs = [(source, files_of_maps(target, maps)[0]) for source, target in pairs]
     for source, target in pairs if options.cluster is not None or options.resume else ():
         if os.path.realpath(source) == os.path.realpath(target):
             raise UsageError(
@@ -91,6 +123,12 @@ def _expand(pattern: str) -> list[str]:
     if os.path.exists(pattern) or not glob.has_magic(pattern):
         return [pattern]
     return sorted(glob.glob(pattern, recursive=True)) or [pattern]
+
+
+def files_named(values: Iterable[Any]) -> list[FileName]:
+    """The files that the values of flags name."""
+    lists = [value if isinstance(value, list) else [value] for value in values]
+    return [each for value in lists for each in value if isinstance(each, FileName)]
 
 
 def whole(options: argparse.Namespace) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
         description=f"{row.about.capitalize()}: {backend.formats(row)}.",
         allow_abbrev=False,
     )
-    parser.set_defaults(command=row, cluster=None, resume=False)
+    parser.set_defaults(command=row, cluster=None, resume=False, picture=None, has_several=False)
     if row.kind.is_drawn:
         words: dict[str, Any] = {"nargs": 1, "metavar": "MESH", "help": row.kind.inputs}
         output = "image file to write, its ending says the format"

@@ -20,11 +20,12 @@ from typing import Any
 
 from ... import __version__
 from ..errors import ShockError
+from ..files.output import is_same
 from ..files.staging import held, is_temporary
-from .inputs import FileName, whole
+from .inputs import files_named, whole
 
 _FOLDER, _LOCK = ".shock-filter", "lock"
-_ASIDE = {"command", "inputs", "output", "overwrite", "quiet", "cluster", "resume"}
+_ASIDE = {"command", "inputs", "output", "overwrite", "quiet", "cluster", "resume", "has_several"}
 """Flags that results do not depend on; the command is included by its name."""
 
 
@@ -34,10 +35,7 @@ def fingerprint(source: str, options: argparse.Namespace) -> str:
     Files are identified by name, size and time, without further files that a mesh names.
     """
     given = {name: value for name, value in sorted(whole(options).items()) if name not in _ASIDE}
-    read = [os.path.abspath(source)]
-    for value in given.values():
-        values = value if isinstance(value, list) else [value]
-        read += [each for each in values if isinstance(each, FileName)]
+    read = [os.path.abspath(source), *files_named(given.values())]
     states = [(name, _state(Path(name))) for name in read]
     return _digest((__version__, options.command.command, given, states))
 
@@ -82,30 +80,35 @@ def is_ours(target: Path) -> bool:
 
 
 class Record:
-    """Notes how an output is made before it is moved to its place, so that kills cannot part them.
+    """Notes how outputs are made before they are moved to their places: kills cannot part them.
 
-    If an output is a folder whose files appear one by one, each file is noted before it is moved,
-    until all are there.
+    The first output may bring others that appear with it in its folder; all others are announced by
+    themselves. If an output is a folder whose files appear one by one, each file is noted before it
+    is moved, until all are there.
     """
 
-    def __init__(self, target: Path, made: str) -> None:
-        self._target, self._made = target, made
-        self._real = Path(os.path.realpath(target))
+    def __init__(self, outputs: list[Path], made: str) -> None:
+        self._target, *self._others = outputs
+        self._made = made
+        self._places = {Path(os.path.realpath(each)): each for each in outputs}
+        self._real = Path(os.path.realpath(self._target))
         self._is_begun = self._is_whole = False
 
     @contextlib.contextmanager
     def guard(self, place: Path) -> Iterator[Callable[[Path], None]]:
         """Keep other runs from taking a place until its new file is noted; see `guarded`."""
-        folder = self._target.parent / _FOLDER
+        real = Path(os.path.realpath(place))
+        folder = self._places.get(real, self._target).parent / _FOLDER
         folder.mkdir(exist_ok=True)
         with held(folder / _LOCK, wait=True):
-            yield lambda new: self._note(new, Path(os.path.realpath(place)))
+            yield lambda new: self._note(new, real)
 
     def _note(self, new: Path, place: Path) -> None:
-        if place == self._real:
-            self._is_whole = True
-            before = _digest(_state(self._target)) if self._target.exists() else None
-            _write(self._target, {"output": _digest(_state(new)), "before": before}, self._made)
+        if output := self._places.get(place):
+            self._note_whole(output, _state(new))
+            if output == self._target:
+                self._is_whole = True
+                self._note_others(new)
             return
         if not self._is_begun:
             self._is_begun = True
@@ -114,8 +117,19 @@ class Record:
         with _path(self._target).open("a", encoding="utf-8") as stream:
             stream.write("\n" + json.dumps([name, *_state(new)[0][1:]]))
 
+    def _note_whole(self, output: Path, state: list[tuple[str, int, int]]) -> None:
+        before = _digest(_state(output)) if output.exists() else None
+        _write(output, {"output": _digest(state), "before": before}, self._made)
+
+    def _note_others(self, first: Path) -> None:
+        for output in self._others:
+            new = first.with_name(output.name)
+            if new.is_file():
+                # What has the same contents already is not moved.
+                self._note_whole(output, _state(output if is_same(new, output) else new))
+
     def complete(self) -> None:
-        """Note that an output is complete."""
+        """Note that the first output is complete."""
         if not self._is_whole:
             with self.guard(self._target):
                 _write(self._target, {"output": _digest(_state(self._target))}, self._made)

@@ -21,7 +21,7 @@ from ..errors import ShockError
 from ..files.output import Unfinished, guarded
 from . import records
 from .commands import Backend
-from .inputs import check_target
+from .inputs import check_target, outputs_of
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
 
@@ -33,20 +33,25 @@ class Job(NamedTuple):
     settings: Any
     options: argparse.Namespace
 
+    def outputs(self, source: str, target: Path) -> list[Path]:
+        """All files that are made from an input."""
+        return outputs_of(source, target, self.options)
+
     def is_done(self, source: str, target: Path) -> bool:
-        """Whether an earlier run has made the output."""
+        """Whether an earlier run has made all outputs."""
         if not self.options.resume:
             return False
         return self._is_made(source, target)
 
     def _is_made(self, source: str, target: Path) -> bool:
         try:
-            return records.is_done(target, records.fingerprint(source, self.options))
+            made = records.fingerprint(source, self.options)
+            return all(records.is_done(each, made) for each in self.outputs(source, target))
         except OSError:  # reading it will report this
             return False
 
     def is_done_meanwhile(self, source: str, target: Path) -> bool:
-        """Whether another run has made the output since this one began with the file."""
+        """Whether another run has made all outputs since this one began with the file."""
         return not self.options.overwrite and self.is_recorded and self._is_made(source, target)
 
     @property
@@ -54,9 +59,9 @@ class Job(NamedTuple):
         """Whether records of outputs are kept."""
         return self.options.resume or self.options.cluster is not None
 
-    def may_replace(self, target: Path) -> bool:
+    def may_replace(self, output: Path) -> bool:
         """Whether an existing output may be replaced."""
-        return self.options.overwrite or (self.options.resume and records.is_ours(target))
+        return self.options.overwrite or (self.options.resume and records.is_ours(output))
 
 
 class Result(NamedTuple):
@@ -81,7 +86,7 @@ def run_all(job: Job, pairs: list[tuple[str, Path]]) -> int:
     with Interrupt() as interrupt:
         for source, target in pairs:
             if interrupt.asked:  # too late for the previous file
-                say(f"Interrupted; {target} was not written.", sys.stderr)
+                say(_interrupted(job.outputs(source, target)), sys.stderr)
                 return INTERRUPTED
             if job.is_done(source, target):
                 skipped += 1
@@ -113,42 +118,53 @@ def filter_file(
     """Filter one file; the result says what was done, or why not."""
     backend, settings, options = job
     start = time.perf_counter()
+    outputs = job.outputs(source, target)
     try:
-        overwrite = job.may_replace(target)
+        for each in outputs:
+            if not options.command.kind.makes_frames:
+                check_target(each, job.may_replace(each))
+            each.parent.mkdir(parents=True, exist_ok=True)
+        overwrite = any(map(job.may_replace, outputs))
         options = argparse.Namespace(**{**vars(options), "overwrite": overwrite})
-        if not options.command.kind.makes_frames:
-            check_target(target, overwrite)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with gathering() as findings, _recording(job, source, target):
+        with gathering() as findings, _recording(job, source, outputs):
             outcome = backend.filter(options.command, source, target, settings, options, progress)
     except (ShockError, OSError, KeyboardInterrupt) as error:
         if isinstance(error, Unfinished):
             return Result(False, str(error))
         if is_stopped():
-            return Result(False, f"Interrupted; {target} was not written.")
+            return Result(False, _interrupted(outputs))
         if job.is_done_meanwhile(source, target):
-            return Result(True, f"{source} -> {target}: made by another run meanwhile")
+            return Result(True, f"{source} -> {outputs[0]}: made by another run meanwhile")
         return failure(source, error)
+    except MemoryError as error:
+        reason = f" ({error})" if str(error) else ""
+        text = f"{source} needs more memory than there is{reason}; free some."
+        return failure(source, ShockError(text))
     except Exception as error:  # unforeseen; the other files are processed all the same
         trace = "".join(traceback.format_exception(error))
         return Result(False, f"{trace}\nFailed: {source}: {type(error).__name__}: {error}")
     seconds = time.perf_counter() - start
-    done = f"{source} -> {target}: {outcome} in {seconds:.1f} s"
+    done = f"{source} -> {outputs[0]}: {outcome} in {seconds:.1f} s"
     notes = (f"  {note}" for note in (*map(str, findings), *outcome.notes))
     return Result(True, "\n".join([done, *notes]))
 
 
 @contextlib.contextmanager
-def _recording(job: Job, source: str, target: Path) -> Iterator[None]:
-    """Note how an output is made, if requested."""
+def _recording(job: Job, source: str, outputs: list[Path]) -> Iterator[None]:
+    """Note how outputs are made, if requested."""
     if not job.is_recorded:
         yield
         return
-    records.check_folder(target)
-    record = records.Record(target, records.fingerprint(source, job.options))
+    for each in outputs:
+        records.check_folder(each)
+    record = records.Record(outputs, records.fingerprint(source, job.options))
     with guarded(record.guard):
         yield
     record.complete()
+
+
+def _interrupted(outputs: list[Path]) -> str:
+    return f"Interrupted; {outputs[0]} was not written."
 
 
 def failure(source: str, error: BaseException) -> Result:

@@ -161,7 +161,7 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
             raise ShockError(f"{target} was not written; choose another name or folder.")
         moves = [*_side_moves(folder, stage, real), (stage, real)]
         with taking(target) as announce:
-            moves = [move for move in moves if move[0] == stage or not _same(*move)]
+            moves = [move for move in moves if move[0] == stage or not is_same(*move)]
             for new, place in moves:
                 _check_free(new.relative_to(folder).as_posix(), new == stage, place, name, own)
                 if place.exists() and not overwrite:
@@ -236,7 +236,7 @@ def _side_moves(folder: Path, stage: Path, real: Path) -> list[Move]:
             continue
         named = parent / path.relative_to(folder)
         place = Path(os.path.realpath(named))
-        if not place.is_relative_to(parent) and not _same(path, place):
+        if not place.is_relative_to(parent) and not is_same(path, place):
             raise ShockError(
                 f"{named} is a link, or behind one, to another folder; remove the link, or write"
                 " to another folder."
@@ -258,7 +258,8 @@ def _check_free(name: str, is_main: bool, place: Path, main: str, own: Collectio
     )
 
 
-def _same(new: Path, old: Path) -> bool:
+def is_same(new: Path, old: Path) -> bool:
+    """Whether a file has the contents of another one already."""
     return old.is_file() and filecmp.cmp(new, old, shallow=False)
 
 

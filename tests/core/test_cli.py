@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.files.output import Outcome
@@ -308,24 +309,86 @@ def test_failures_do_not_stop_the_others(folder, capsys):
 class Unlucky(Recorder):
     """A backend that meets what nobody thought of."""
 
+    def __init__(self, error):
+        super().__init__()
+        self.error = error
+
     def filter(self, command, source, target, settings, options, progress):
         if source == "a.obj":
-            raise MemoryError("Unable to allocate 40 GiB")
+            raise self.error
         return super().filter(command, source, target, settings, options, progress)
 
 
 def test_an_unforeseen_error_does_not_stop_the_others(folder, capsys):
     make("a.obj", "b.obj")
-    assert sharpen("a.obj", "b.obj", "out/", backend=Unlucky()) == 1
+    assert sharpen("a.obj", "b.obj", "out/", backend=Unlucky(KeyError("x"))) == 1
     assert os.listdir("out") == ["b.obj"]
     err = capsys.readouterr().err
     assert err.startswith("Traceback")
-    assert err.endswith("Failed: a.obj: MemoryError: Unable to allocate 40 GiB\n")
+    assert err.endswith("Failed: a.obj: KeyError: 'x'\n")
+
+
+@pytest.mark.parametrize("words", [("Unable to allocate 40 GiB",), ()])
+def test_too_little_memory_is_said_in_a_sentence(folder, capsys, words):
+    make("a.obj", "b.obj")
+    assert sharpen("a.obj", "b.obj", "out/", backend=Unlucky(MemoryError(*words))) == 1
+    assert os.listdir("out") == ["b.obj"]
+    reason = " (Unable to allocate 40 GiB)" if words else ""
+    said = f"Failed: a.obj needs more memory than there is{reason}; free some.\n"
+    assert capsys.readouterr().err == said
 
 
 def test_a_pattern_without_a_match_fails(folder, capsys):
     assert sharpen("*.obj", "out/") == 1
     assert "*.obj" in capsys.readouterr().err
+
+
+def tile(*words):
+    return cli.main(["make-tileable", *words, "--quiet"])
+
+
+def draw(*names):
+    Path("in").mkdir()
+    for number, name in enumerate(names):
+        Image.new("RGB", (8, 8), (60 * number, 90, 200)).save(f"in/{name}")
+
+
+def test_each_input_of_a_pattern_has_a_picture_of_its_own(folder, capsys):
+    draw("a.png", "a.bmp", "b.png")
+    assert tile("in/*", "out/", "--picture", "tiles.png") == 0
+    names = [f"{name} tiles.png" for name in ("a.bmp", "a.png", "b.png")]
+    assert sorted(path.name for path in Path().glob("*.png")) == names
+    for name in names:
+        made = Image.open(Path("out", name.split()[0])).convert("RGB")
+        assert Image.open(name).getpixel((0, 0)) == made.getpixel((0, 0))
+    assert tile("in/b*", "one/", "--picture", "tiles.png") == 0
+    assert Path("tiles.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("inputs", "picture", "reason"),
+    [
+        ("in/a.png", "in/a.png", "is an input"),
+        ("in/a.png", "out/../out/a.png", "is an output"),
+        ("in/[ab].png", "out/tiles.png", "is an output"),
+        ("in/b.png", "in/a.png", "is read"),
+        ("in/[ab].png", "linked/tiles.png", "is the picture of another input"),
+    ],
+)
+def test_pictures_replace_no_other_file_of_the_run(folder, capsys, inputs, picture, reason):
+    draw("a.png", "b.png", "b.png tiles.png")
+    before = {path: path.read_bytes() for path in Path("in").iterdir()}
+    Path("linked").mkdir()
+    Path("linked/a.png tiles.png").symlink_to("b.png tiles.png")
+    words = [inputs, "out/", "--mask", "in/a.png", "--overwrite", "--picture", picture]
+    if picture == "out/tiles.png":
+        words.insert(0, "in/b.png tiles.png")
+    with pytest.raises(SystemExit) as stop:
+        tile(*words)
+    assert stop.value.code == 2
+    assert f"{reason}, too; name another file with --picture" in capsys.readouterr().err
+    assert not Path("out").exists()
+    assert before == {path: path.read_bytes() for path in Path("in").iterdir()}
 
 
 def test_an_output_that_cannot_be_written_fails(folder, capsys):

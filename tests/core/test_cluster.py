@@ -237,6 +237,27 @@ def test_each_flag_that_names_a_file_is_known_as_one():
     assert all(flag.type is FileName for flag in named if flag.dest != "inputs")
 
 
+def test_all_files_of_an_input_are_checked_and_written(address, folder, capsys):
+    Path("part.obj").write_text(MESH)
+    words = ["part.obj", "part.npy", "--size", "8x8", "--rays", "2", "--map", "occlusion"]
+    words += ["thickness", "--cluster", address]
+    Path("part_thickness.npy").write_text("mine")
+    assert run("bake-maps", *words) == 1
+    assert "part_thickness.npy exists already; add --overwrite" in capsys.readouterr().err
+    assert Path("part_thickness.npy").read_text() == "mine" and not Path("part_ao.npy").exists()
+    draw("a", "b")
+    words = ["in/*.png", "out/", "--picture", "tiles.png", "--cluster", address]
+    assert run("make-tileable", *words) == 0
+    assert capsys.readouterr().err == ""
+    assert names("out") == ["a.png", "b.png"]
+    assert sorted(str(path) for path in Path().glob("*.png")) == [
+        "a.png tiles.png",
+        "b.png tiles.png",
+    ]
+    assert run("make-tileable", *words, "--resume") == 0
+    assert "Skipped, as they are done already: 2" in capsys.readouterr().out
+
+
 # ------------------------------------------------------------------------------ files that are bad
 
 

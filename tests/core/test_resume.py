@@ -159,3 +159,72 @@ def test_frames_in_a_folder_are_one_output(folder, capsys):
     assert "frames is not empty; add --overwrite" in capsys.readouterr().err
     assert cli.main([*words, "--overwrite"]) == 0
     assert len(os.listdir("frames")) == 2
+
+
+# ------------------------------------------------------------------------ several files of an input
+
+SHEET = """
+v 0 0 0
+v 1 0 0
+v 0 1 0
+v 1 1 0.5
+vt 0 0
+vt 1 0
+vt 0 1
+vt 1 1
+f 1/1 2/2 4/4 3/3
+"""
+
+
+def bake(*words):
+    if not Path("part.obj").exists():
+        Path("part.obj").write_text(SHEET)
+    given = ["--rays", "2", "--size", "8x8", "--map", "occlusion", "thickness"]
+    return cli.main(["bake-maps", "part.obj", "part.npy", *given, *words])
+
+
+def test_each_of_several_maps_must_be_there(folder, capsys):
+    assert bake("--resume") == 0
+    for name in ("part_thickness.npy", "part_ao.npy"):
+        Path(name).unlink()
+        assert bake("--resume") == 0
+        assert Path(name).exists()
+        capsys.readouterr()
+        assert bake("--resume") == 0
+        assert "Skipped, as they are done already: 1" in capsys.readouterr().out
+    assert bake("--resume", "--rays", "3") == 0  # all are ours
+
+
+@pytest.mark.parametrize("name", ["part_ao.npy", "part_thickness.npy"])
+def test_a_map_of_several_that_somebody_has_changed_stays(folder, capsys, name):
+    assert bake("--resume") == 0
+    Path(name).write_text("mine")
+    assert bake("--resume") == 1
+    assert f"{name} exists already; add --overwrite" in capsys.readouterr().err
+    assert Path(name).read_text() == "mine"
+    assert bake("--resume", "--overwrite") == 0
+    assert bake("--resume") == 0
+    assert "Skipped" in capsys.readouterr().out
+
+
+def tile(*words):
+    given = ["--picture", "seen/tiles.png", "--resume", *words]
+    return cli.main(["make-tileable", "in/[ab].png", "out/", *given])
+
+
+def test_pictures_are_outputs_as_well(folder, capsys):
+    Path("seen").mkdir()
+    assert tile() == 0
+    assert capsys.readouterr().err == ""
+    pictures = ["a.png tiles.png", "b.png tiles.png"]
+    assert sorted(os.listdir("seen")) == [".shock-filter", *pictures]
+    assert tile() == 0
+    assert "Skipped, as they are done already: 2" in capsys.readouterr().out
+    Path("seen", pictures[0]).unlink()
+    Path("seen", pictures[1]).write_text("mine")
+    assert tile() == 1
+    assert "b.png tiles.png exists already; add --overwrite" in capsys.readouterr().err
+    assert Path("seen", pictures[0]).exists()
+    assert Path("seen", pictures[1]).read_text() == "mine"
+    assert tile("--overwrite") == tile() == 0
+    assert "Skipped, as they are done already: 2" in capsys.readouterr().out
