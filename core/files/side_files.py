@@ -92,6 +92,7 @@ class Resolver:
     """Gives trimesh the files that a file names."""
 
     def __init__(self, path: Path, known: dict[str, bytes]) -> None:
+        self.file_name = path.stem  # by which trimesh calls what has no name
         self._folder = path.parent
         self._known = known  # files that were read already, by name
         self._missing: list[str] = []

@@ -192,6 +192,30 @@ def test_models_that_share_a_buffer(folder, uri):
 OBJ = "mtllib {}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n"
 
 
+def tree_of(name):
+    data = Path(name).read_bytes()
+    return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+
+
+def test_no_folder_of_the_user_gets_into_a_conversion(folder):
+    (folder / "cube.obj").write_text(OBJ.format("none.mtl"))
+    filter_mesh_file(lift, folder / "cube.obj", folder / "out.glb")
+    assert str(folder).encode() not in Path("out.glb").read_bytes()
+    tree = tree_of("out.glb")
+    assert [tree[kind][0]["name"] for kind in ("meshes", "nodes")] == ["cube", "cube"]
+
+
+def test_names_and_opacity_of_materials_survive_a_conversion(folder):
+    (folder / "in.obj").write_text(OBJ.format("in.mtl") + "usemtl old paint\nf 1 2 4\n")
+    (folder / "in.mtl").write_text("newmtl paint\nKd 1 0 0\nd 0.5\nnewmtl old paint\nKd 1 0 0\n")
+    filter_mesh_file(lift, "in.obj", "out.glb")
+    found = {material["name"]: material for material in tree_of("out.glb")["materials"]}
+    assert sorted(found) == ["old paint", "paint"]
+    alphas = [found[name]["pbrMetallicRoughness"]["baseColorFactor"][3] for name in sorted(found)]
+    np.testing.assert_allclose(alphas, [1.0, 0.5], atol=0.01)
+    assert found["paint"]["alphaMode"] == "BLEND" and "alphaMode" not in found["old paint"]
+
+
 @pytest.mark.parametrize("overwrite", [True, False])
 def test_materials_of_others_are_not_replaced(folder, overwrite):
     (folder / "out").mkdir()

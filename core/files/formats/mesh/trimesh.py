@@ -159,6 +159,7 @@ class SceneFile(Document):
 def _export(scene: Any, path: Path) -> None:
     ending = path.suffix.lower()
     if ending in (".glb", ".gltf"):
+        _use_pbr(scene)
         scene.export(path, **({"embed_buffers": True} if ending == ".gltf" else {}))
     elif ending == ".obj":
         _export_obj(scene, path)
@@ -166,6 +167,34 @@ def _export(scene: Any, path: Path) -> None:
         scene.to_mesh().export(path, digits=17)
     else:
         scene.to_mesh().export(path)
+
+
+def _use_pbr(scene: Any) -> None:
+    """Turn materials of OBJ files into those of glTF, with what trimesh leaves out: names, opacity.
+
+    Materials that are equal but for their name stay apart.
+    """
+    known: dict[int, Any] = {}
+    for mesh in scene.geometry.values():
+        material = getattr(getattr(mesh, "visual", None), "material", None)
+        if not hasattr(material, "kwargs"):  # not one of an OBJ file
+            continue
+        if id(material) not in known:
+            known[id(material)] = pbr = material.to_pbr()
+            pbr.name = material.name
+            opacity = _opacity(material.kwargs.get("d"))
+            if opacity < 1.0:
+                pbr.baseColorFactor = [*pbr.baseColorFactor[:3], round(255 * opacity)]
+                pbr.alphaMode = "BLEND"
+        mesh.visual.material = known[id(material)]
+
+
+def _opacity(words: Any) -> float:
+    """The number of a line `d`, which options may precede; 1 if there is none."""
+    try:
+        return min(max(float(words[-1]), 0.0), 1.0)
+    except (IndexError, TypeError, ValueError):
+        return 1.0
 
 
 def _export_obj(scene: Any, path: Path) -> None:
