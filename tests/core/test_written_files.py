@@ -216,6 +216,39 @@ def test_names_and_opacity_of_materials_survive_a_conversion(folder):
     assert found["paint"]["alphaMode"] == "BLEND" and "alphaMode" not in found["old paint"]
 
 
+@pytest.mark.parametrize("names", ["one.mtl two.mtl", "two.mtl one.mtl", "one.mtl\nmtllib two.mtl"])
+@pytest.mark.parametrize("target", ["out.obj", "out.glb"])
+def test_all_material_files_of_a_line_count(folder, names, target):
+    (folder / "in").mkdir()
+    (folder / "in/in.obj").write_text(OBJ.format(names + " none.mtl") + "usemtl other\nf 1 2 4\n")
+    Image.fromarray(picture()).save("in/tex.png")
+    (folder / "in/one.mtl").write_text("newmtl paint\nKd 1 0 0\nmap_Kd tex.png\n")
+    (folder / "in/two.mtl").write_text("newmtl other\nKd 0 1 0\n")
+    (folder / "out").mkdir()
+    outcome = filter_mesh_file(lift, "in/in.obj", f"out/{target}")
+    assert [
+        note
+        for note in outcome.notes
+        if "none.mtl" in note and "one.mtl" not in note.replace("none.mtl", "")
+    ]
+    if target == "out.obj":
+        found = {path.name for path in (folder / "out").iterdir()}
+        assert found == {"out.obj", "one.mtl", "two.mtl", "tex.png"}
+    else:
+        materials = tree_of("out/out.glb")["materials"]
+        assert {material["name"] for material in materials} == {"paint", "other"}
+
+
+def test_absolute_names_of_several_material_files_become_relative(folder):
+    (folder / "in").mkdir()
+    names = f"{folder}/in/one.mtl {folder}/in/two.mtl"
+    (folder / "in/in.obj").write_text(OBJ.format(names))
+    for name in ("one", "two"):
+        (folder / f"in/{name}.mtl").write_text(f"newmtl {name}\n")
+    filter_mesh_file(lift, "in/in.obj", "out.obj")
+    assert (folder / "out.obj").read_text().startswith("mtllib one.mtl two.mtl\n")
+
+
 @pytest.mark.parametrize("overwrite", [True, False])
 def test_materials_of_others_are_not_replaced(folder, overwrite):
     (folder / "out").mkdir()

@@ -22,7 +22,7 @@ from ...side_files import Resolver
 from ...staging import within
 from .contents import REPLACED, contents, polygon_count
 from .gltf_tree import densified, read_tree
-from .obj import look_through
+from .obj import look_through, material_files
 
 ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 
@@ -51,6 +51,8 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
         if dense is not None:
             ending, file = "gltf", io.BytesIO(dense)
     resolver = Resolver(path, known)
+    if ending == "obj":
+        known |= _libraries(path, resolver)
     options |= {"resolver": resolver, "file_type": ending}
     scene = trimesh.load_scene(file, process=False, **options)
     for mesh in scene.geometry.values():
@@ -58,6 +60,17 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
         if uv is not None and np.shape(uv)[1] < 2:
             raise ValueError("texture coordinates of one number")
     return scene, resolver.notes()
+
+
+def _libraries(path: Path, resolver: Resolver) -> dict[str, bytes]:
+    """All material files of an OBJ file, in one, by the name that trimesh asks for."""
+    lines = re.sub(rb"\\\r?\n", b"", path.read_bytes()).splitlines()
+    names = material_files(path.parent, lines)
+    asked = re.search(rb"mtllib(.*)", b"\n".join(lines))
+    if len(names) < 2 or asked is None:
+        return {}
+    found = [resolver.get(name) for name in names if resolver.has(name)]
+    return {asked[1].strip().decode("utf-8", "replace"): b"\n".join(found)}
 
 
 def _readable(path: Path) -> bytes | None:
