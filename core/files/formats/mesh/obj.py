@@ -170,6 +170,15 @@ class ObjFile(TexturedDocument):
         uv = np.array(values)[np.array(corners)[self._triangles]]
         return uv, np.array(materials)[self._owners]
 
+    def moved_colors(self) -> Mapping[str, str]:
+        moved: dict[str, str] = {}
+        for line, material in self._material_lines():
+            _, start = self._image_in(line)
+            is_color = start and _PARTS.get(line.split(None, 1)[0].lower()) == COLOR
+            if is_color and _is_moved(line[:start]):
+                moved[material] = "its texture coordinates are transformed"
+        return moved
+
     def read_maps(self) -> tuple[list[MapGroup], list[str]]:
         uv, materials = self.read_uvs()
         known = ~np.isnan(uv).any(axis=(1, 2))
