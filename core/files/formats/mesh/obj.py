@@ -25,6 +25,7 @@ from ...document import (
 from ...side_files import are_beside, copy_beside, find, is_absolute, located
 from ...staging import within
 from .maps import COLOR, NORMALS, OPACITY, MapGroup, MapImage, TexturedDocument, grouped
+from .polygons import fans, without_flips
 
 _LARGEST_LIBRARY = 1 << 26  # bytes of a material file, which holds no images
 _LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
@@ -77,7 +78,7 @@ class ObjFile(TexturedDocument):
         self.vertices = self._numbers(self._vertex_lines)
         self._normal_values = self._numbers(self._normal_lines)
         self._corners = np.array(corners, dtype=np.int64).reshape(-1, 2)
-        self._triangles, self._owners = _fans(np.array(sizes, dtype=np.int64))
+        self._triangles, self._owners = self._cut(np.array(sizes, dtype=np.int64))
         self.faces = self._corners[self._triangles, 0]
         self.parts = np.array(parts, dtype=np.int64)[self._owners]
         normals = self._corners[:, 1]
@@ -91,6 +92,14 @@ class ObjFile(TexturedDocument):
         normal = int(fields[2]) if len(fields) == 3 and fields[2] else 0
         normal += len(self._normal_lines) if normal < 0 else -1
         return vertex, normal
+
+    def _cut(self, sizes: Ints) -> tuple[Ints, Ints]:
+        """The polygons' triangles, as numbers of corners, and the polygon of each."""
+        triangles, owners = fans(sizes)
+        vertices = self._corners[:, 0]
+        if vertices.min(initial=0) < 0 or vertices.max(initial=-1) >= len(self.vertices):
+            return triangles, owners  # refused by whoever reads them
+        return without_flips(self.vertices[vertices], triangles, owners), owners
 
     def _numbers(self, lines: list[int]) -> Floats:
         rows = [[float(word) for word in self.lines[n].split()[1:4]] for n in lines]
@@ -299,15 +308,6 @@ class ObjFile(TexturedDocument):
         first = self._face_lines[0]
         block = b"".join(b"vn " + decimal(value) + b"\n" for value in values[given])
         lines[first] = block + lines[first]
-
-
-def _fans(sizes: Ints) -> tuple[Ints, Ints]:
-    """Cut polygons into fans: corner numbers (t, 3), and the polygon of each triangle."""
-    counts = np.maximum(sizes - 2, 0)
-    owner = np.repeat(np.arange(len(sizes)), counts)
-    step = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    first = (np.cumsum(sizes) - sizes)[owner]
-    return np.column_stack([first, first + step + 1, first + step + 2]), owner
 
 
 def look_through(path: Path) -> tuple[int, Floats]:

@@ -23,10 +23,12 @@ from ...staging import within
 from .contents import REPLACED, contents, polygon_count
 from .gltf_tree import densified, read_tree
 from .obj import look_through, material_files
+from .polygons import without_flips
 
 ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 
 _DOUBLE = (".obj", ".off")  # other formats hold 32 bits
+_INDICES = ("vertex_indices", "vertex_index")
 _LONGEST = 100  # letters of a material's name in the name of an image
 
 
@@ -59,7 +61,36 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
         uv = getattr(getattr(mesh, "visual", None), "uv", None)
         if uv is not None and np.shape(uv)[1] < 2:
             raise ValueError("texture coordinates of one number")
+        if ending == "ply" and hasattr(mesh, "faces"):
+            _cut_concave(mesh)
     return scene, resolver.notes()
+
+
+def _cut_concave(mesh: Any) -> None:
+    """Cut the concave polygons of a PLY file anew, which trimesh cut into fans.
+
+    Its order is triangles, first halves of quads, second halves, fans of other polygons.
+    """
+    data = mesh.metadata["_ply_raw"]["face"]["data"]
+    names = data.dtype.names if isinstance(data, np.ndarray) else tuple(data)
+    name = next((name for name in _INDICES if name in names), None)
+    if name is None:
+        return
+    lists = data[name]["f1"] if isinstance(data, np.ndarray) else data[name]
+    sizes = np.array([len(each) for each in lists])
+    quads, more = np.arange(np.count_nonzero(sizes == 4)), sizes[sizes > 4] - 2
+    first = np.count_nonzero(sizes == 3)
+    others = np.repeat(np.arange(len(more)), more) + first + len(quads)
+    owner = np.concatenate([np.arange(first), quads + first, quads + first, others])
+    if len(owner) != len(mesh.faces):
+        return
+    old = np.array(mesh.faces)
+    second = slice(first + len(quads), first + 2 * len(quads))
+    old[second] = np.roll(old[second], 1, axis=1)
+    new = without_flips(np.asarray(mesh.vertices, dtype=np.float64), old, owner)
+    changed = (new != old).any(axis=1)
+    if changed.any():
+        mesh.faces = np.where(changed[:, None], new, mesh.faces)
 
 
 def _libraries(path: Path, resolver: Resolver) -> dict[str, bytes]:
@@ -189,7 +220,7 @@ def _use_pbr(scene: Any) -> None:
     """
     known: dict[int, Any] = {}
     for mesh in scene.geometry.values():
-        material = getattr(getattr(mesh, "visual", None), "material", None)
+        material: Any = getattr(getattr(mesh, "visual", None), "material", None)
         if not hasattr(material, "kwargs"):  # not one of an OBJ file
             continue
         if id(material) not in known:
