@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -53,6 +53,10 @@ class InPlaceDocument(Document, Protocol):
 
     def read_uvs(self) -> tuple[Floats, Names]:
         """Coordinates of the triangles' corners (t, 3, 2), v up, NaN without any; materials."""
+
+    def moved_colors(self) -> Mapping[str, str]:
+        """Materials whose color these coordinates do not show where it is, and why: none here."""
+        return {}
 
 
 def stored(values: Floats, kind: np.dtype[Any]) -> npt.NDArray[Any]:

@@ -92,6 +92,7 @@ class Resolver:
     """Gives trimesh the files that a file names."""
 
     def __init__(self, path: Path, known: dict[str, bytes]) -> None:
+        self.file_name = path.stem  # by which trimesh calls what has no name
         self._folder = path.parent
         self._known = known  # files that were read already, by name
         self._missing: list[str] = []
@@ -100,13 +101,22 @@ class Resolver:
         """Read a file, or note that it is missing."""
         if name in self._known:
             return self._known[name]
-        path = find(self._folder, name) or find(self._folder, unquote(name))
+        path = self._find(name)
         if path is None:
-            self._missing.append(name)
             raise FileNotFoundError(f"{name} is no plain file in the model's folder")
         return path.read_bytes()
 
     __getitem__ = get
+
+    def has(self, name: str) -> bool:
+        """Whether a file can be read; notes that it is missing otherwise."""
+        return self._find(name) is not None
+
+    def _find(self, name: str) -> Path | None:
+        path = find(self._folder, name) or find(self._folder, unquote(name))
+        if path is None:
+            self._missing.append(name)
+        return path
 
     def notes(self) -> list[str]:
         """Notes on files that were missing."""

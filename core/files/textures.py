@@ -65,7 +65,7 @@ def filter_texture_file(
     Outcome
         Counts of pixels, and notes on the texture coordinates and on what was lost.
     """
-    surface = read_textured_mesh(mesh, options.material, options.any_size)
+    surface = read_textured_mesh(mesh, options.material, options.any_size, shown=True)
     words = {word: pixels[::-1] for word, pixels in read_beside(options, upright=False).items()}
     others = {
         str(path): read_pixels(path, options.any_size, upright=False) for path in options.others
@@ -172,7 +172,11 @@ def _colors(numbers: Pixels) -> Pixels:
 
 
 def read_textured_mesh(
-    path: str | Path, material: str | None = None, any_size: bool = False
+    path: str | Path,
+    material: str | None = None,
+    any_size: bool = False,
+    *,
+    shown: bool = False,
 ) -> TexturedMesh:
     """Read the faces of a mesh file that have texture coordinates.
 
@@ -184,19 +188,22 @@ def read_textured_mesh(
         Only the faces of this material.
     any_size : bool
         As in `Options`.
+    shown : bool
+        Whether the texture is one that the materials show, by these coordinates.
 
     Raises
     ------
     InvalidUV
         If no face has texture coordinates.
     ShockError
-        If the file cannot be read or has no such material.
+        If the file cannot be read or has no such material, or a shown texture is transformed.
     """
     path = Path(path)
     check_ending(path, IN_PLACE, "such files hold no texture coordinates")
     document = read_document(path, IN_PLACE[path.suffix.lower()], any_size)
     with reading(path):
         uv, materials = document.read_uvs()
+        moved = document.moved_colors()
     known = ~np.isnan(uv).any(axis=(1, 2))
     if not known.any():
         raise InvalidUV(
@@ -213,6 +220,14 @@ def read_textured_mesh(
         known &= materials == material
     elif len(names) > 1:
         notes.append(f"all materials ({', '.join(names)}) count; choose one with --material")
+    for name in sorted(set(materials[known].tolist()) & set(moved)):
+        words = f"the color of {name or 'a material'}: {moved[name]}"
+        if shown:
+            raise ShockError(
+                f"{path}: {words}, so that the surface cannot be found on the texture; apply that"
+                " first (in Blender: bake to a new image) and export the model again."
+            )
+        notes.append(f"{words}; the first ones as they are count here")
     faces = weld_borders(document.vertices, document.faces[known])
     mesh = TriangleMesh(document.vertices, faces)
     return TexturedMesh(mesh, uv[known], tuple(notes))

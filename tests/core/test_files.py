@@ -20,7 +20,9 @@ from shock_filter import core
 from shock_filter.core.files import staging
 from shock_filter.core.files.formats.mesh import obj
 from shock_filter.core.files.meshes import (
+    IN_PLACE,
     filter_mesh_file,
+    read_document,
 )
 from shock_filter.core.files.output import staged
 
@@ -1226,3 +1228,58 @@ def test_obj_normals_that_count_backwards_mean_the_same(tmp_path):
         sharpen_file(tmp_path / f"{name}.obj", tmp_path / f"{name}2.obj", STRONG)
     found = [normals_at_corners(tmp_path / f"{name}2.obj") for name in "ab"]
     np.testing.assert_array_equal(*found)
+
+
+# ----------------------------------------------------------------------------- polygons
+
+L_SHAPE = [(0, 2), (0, 0), (2, 0), (2, 1), (1, 1), (1, 2)]
+DART = [(0, 0), (3, -1), (1, 0), (3, 1)]
+COMB = [(0, 0), (5, 0), (5, 2), (4, 2), (4, 1), (3, 1), (3, 2), (2, 2), (2, 1), (1, 1), (1, 2)]
+COMB += [(0, 2)]
+
+
+def write_polygons(path, outlines):
+    """Polygons side by side, on a slope, as `f` lines or rows of a text PLY file."""
+    points = [(x + 9 * n, y, 0.5 * x) for n, outline in enumerate(outlines) for x, y in outline]
+    ends = np.cumsum([len(outline) for outline in outlines])
+    faces = [range(end - len(outline), end) for end, outline in zip(ends, outlines, strict=True)]
+    rows = [" ".join(map(str, point)) for point in points]
+    if path.suffix == ".obj":
+        lines = ["v " + row for row in rows]
+        lines += ["f " + " ".join(str(v + 1) for v in face) for face in faces]
+    else:
+        lines = ["ply", "format ascii 1.0", f"element vertex {len(rows)}"]
+        lines += [f"property float {axis}" for axis in "xyz"]
+        lines += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+        lines += ["end_header", *rows]
+        lines += [" ".join(map(str, [len(face), *face])) for face in faces]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize("ending", [".obj", ".ply"])
+@pytest.mark.parametrize("turn", range(4))
+def test_concave_polygons_have_no_flipped_triangles(tmp_path, ending, turn):
+    outlines = [np.roll(outline, turn, axis=0) for outline in (COMB, DART, L_SHAPE, DART)]
+    path = tmp_path / f"in{ending}"
+    write_polygons(path, [*outlines, [(0, 0), (1, 0), (0, 1)]])
+    document = read_document(path, IN_PLACE[ending])
+    a, b, c = (document.vertices[document.faces[:, k]][:, :2] for k in range(3))
+    areas = 0.5 * np.cross(b - a, c - a)
+    assert (areas > 0).all()
+    assert areas.sum() == pytest.approx(8 + 1 + 3 + 1 + 0.5)
+    assert len(areas) == 10 + 2 + 4 + 2 + 1
+
+
+@pytest.mark.parametrize("ending", [".obj", ".ply"])
+def test_convex_polygons_stay_fans(tmp_path, ending):
+    angles = np.arange(7) * 2 * np.pi / 7
+    outline = np.column_stack([np.cos(angles), np.sin(angles)])
+    write_polygons(tmp_path / f"in{ending}", [outline])
+    faces = read_document(tmp_path / f"in{ending}", IN_PLACE[ending]).faces
+    assert faces.tolist() == [[0, k, k + 1] for k in range(1, 6)]
+
+
+def test_polygons_that_cross_themselves_stay_fans(tmp_path):
+    write_polygons(tmp_path / "in.obj", [[(0, 0), (2, 2), (2, 0), (0, 1), (-1, 3)]])
+    faces = read_document(tmp_path / "in.obj", IN_PLACE[".obj"]).faces
+    assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]

@@ -151,6 +151,40 @@ def test_obj_files_get_a_material_file_of_their_own(tmp_path):
     assert len(np.unique(seen[:, :512].reshape(-1, 3), axis=0)) > 100
 
 
+def test_material_files_of_one_line_become_one_and_missing_ones_stay(tmp_path):
+    blocks = model()
+    pixels = picture(blocks)
+    source = write_obj(tmp_path, blocks, pixels)
+    source.write_text(source.read_text().replace("m.mtl", "m.mtl gone.mtl more.mtl", 1))
+    (tmp_path / "more.mtl").write_text("newmtl more\nKd 0 1 0\n")
+    file = ObjFile(source)
+    unmoved = np.zeros(len(file.vertices), dtype=bool)
+    target = tmp_path / "out.obj"
+    notes = file.save_maps(target, file.vertices, unmoved, {"tex.png": png(pixels)})
+    assert notes == ["left behind, as no plain files beside the input: gone.mtl"]
+    assert (tmp_path / "out.obj").read_text().startswith("mtllib out.obj.mtl\nmtllib gone.mtl\n")
+    text = (tmp_path / "out.obj.mtl").read_text()
+    assert "newmtl m\n" in text and "newmtl more\n" in text
+
+
+def test_new_images_take_no_names_of_the_others(tmp_path):
+    blocks = model()
+    pixels = picture(blocks)
+    source = write_obj(tmp_path, blocks, pixels, "tex.png\nmap_Pr in.obj.0.png")
+    flat = png(np.full((32, 32), 90, dtype=np.uint8))
+    (tmp_path / "in.obj.0.png").write_bytes(flat)
+    positions = ObjFile(source).vertices
+    (tmp_path / "new").mkdir()
+    unmoved = np.zeros(len(positions), dtype=bool)
+    target = tmp_path / "new/in.obj"
+    ObjFile(source).save_maps(target, positions, unmoved, {"tex.png": png(pixels)})
+    assert (tmp_path / "new/in.obj.0.png").read_bytes() == flat
+    assert (tmp_path / "new/in.obj.1.png").read_bytes() == png(pixels)
+    assert (
+        "map_Kd in.obj.1.png\nmap_Pr in.obj.0.png\n" in (target.parent / "in.obj.mtl").read_text()
+    )
+
+
 def test_the_shape_is_repaired_on_request(tmp_path):
     blocks = model()
     source = write_obj(tmp_path, blocks, picture(blocks))

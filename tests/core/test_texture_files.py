@@ -12,6 +12,7 @@ from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.files.output import Options
 from shock_filter.core.files.textures import (
+    filter_texture_file,
     read_textured_mesh,
     texture_mask_file,
 )
@@ -137,6 +138,23 @@ def write_glb(path, dtype=np.float32):
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
 
 
+def with_color(path, use):
+    """Let the material of a GLB file show a texture."""
+    data = path.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    tree, rest = json.loads(data[20 : 20 + length]), data[20 + length :]
+    tree |= {"images": [{"uri": "color.png"}], "textures": [{"source": 0}]}
+    tree["materials"][0]["pbrMetallicRoughness"] = {"baseColorTexture": {"index": 0, **use}}
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A)
+    path.write_bytes(head + text + rest)
+
+
+def transform(**values):
+    return {"extensions": {"KHR_texture_transform": values}}
+
+
 WRITERS = {
     "quads.obj": write_obj,
     "vertices.ply": write_vertex_ply,
@@ -209,6 +227,39 @@ def test_one_material_can_be_chosen(tmp_path):
         read_textured_mesh(tmp_path / "two.obj", "Metal")
     write_glb(tmp_path / "one.glb")
     assert len(read_textured_mesh(tmp_path / "one.glb", "Wood").uv) == 128
+
+
+@pytest.mark.parametrize(
+    ("use", "words"),
+    [
+        ({"texCoord": 1}, "other texture coordinates"),
+        (transform(texCoord=1), "other texture coordinates"),
+        (transform(scale=[2, 2]), "are transformed"),
+        (transform(rotation=0.5), "are transformed"),
+        (transform(offset=[0, 0], scale=[1, 1]), ""),
+        ({"texCoord": 1, **transform(texCoord=0)}, ""),
+    ],
+)
+def test_colors_that_are_shown_elsewhere_are_refused(tmp_path, texture, use, words):
+    write_glb(tmp_path / "in.glb")
+    with_color(tmp_path / "in.glb", use)
+    if not words:
+        assert not read_textured_mesh(tmp_path / "in.glb", shown=True).notes
+        return
+    with pytest.raises(core.ShockError, match=f"color of Wood: .*{words}"):
+        read_textured_mesh(tmp_path / "in.glb", shown=True)
+    with pytest.raises(core.ShockError, match=words):
+        filter_texture_file(None, tmp_path / "in.glb", texture, tmp_path / "out.png")
+    assert any(words in note for note in read_textured_mesh(tmp_path / "in.glb").notes)
+
+
+def test_colors_that_an_obj_file_moves_are_refused(tmp_path, texture):
+    (tmp_path / "color.png").write_bytes(b"")
+    (tmp_path / "in.mtl").write_text("newmtl Wood\nmap_Kd -s 2 2 1 color.png\n")
+    write_obj(tmp_path / "in.obj", ("Wood", "Wood"))
+    (tmp_path / "in.obj").write_text("mtllib in.mtl\n" + (tmp_path / "in.obj").read_text())
+    with pytest.raises(core.ShockError, match=r"color of Wood: .*are transformed"):
+        filter_texture_file(None, tmp_path / "in.obj", texture, tmp_path / "out.png")
 
 
 def test_faces_without_coordinates_are_left_out(tmp_path, mesh):

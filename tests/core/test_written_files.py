@@ -192,6 +192,63 @@ def test_models_that_share_a_buffer(folder, uri):
 OBJ = "mtllib {}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n"
 
 
+def tree_of(name):
+    data = Path(name).read_bytes()
+    return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+
+
+def test_no_folder_of_the_user_gets_into_a_conversion(folder):
+    (folder / "cube.obj").write_text(OBJ.format("none.mtl"))
+    filter_mesh_file(lift, folder / "cube.obj", folder / "out.glb")
+    assert str(folder).encode() not in Path("out.glb").read_bytes()
+    tree = tree_of("out.glb")
+    assert [tree[kind][0]["name"] for kind in ("meshes", "nodes")] == ["cube", "cube"]
+
+
+def test_names_and_opacity_of_materials_survive_a_conversion(folder):
+    (folder / "in.obj").write_text(OBJ.format("in.mtl") + "usemtl old paint\nf 1 2 4\n")
+    (folder / "in.mtl").write_text("newmtl paint\nKd 1 0 0\nd 0.5\nnewmtl old paint\nKd 1 0 0\n")
+    filter_mesh_file(lift, "in.obj", "out.glb")
+    found = {material["name"]: material for material in tree_of("out.glb")["materials"]}
+    assert sorted(found) == ["old paint", "paint"]
+    alphas = [found[name]["pbrMetallicRoughness"]["baseColorFactor"][3] for name in sorted(found)]
+    np.testing.assert_allclose(alphas, [1.0, 0.5], atol=0.01)
+    assert found["paint"]["alphaMode"] == "BLEND" and "alphaMode" not in found["old paint"]
+
+
+@pytest.mark.parametrize("names", ["one.mtl two.mtl", "two.mtl one.mtl", "one.mtl\nmtllib two.mtl"])
+@pytest.mark.parametrize("target", ["out.obj", "out.glb"])
+def test_all_material_files_of_a_line_count(folder, names, target):
+    (folder / "in").mkdir()
+    (folder / "in/in.obj").write_text(OBJ.format(names + " none.mtl") + "usemtl other\nf 1 2 4\n")
+    Image.fromarray(picture()).save("in/tex.png")
+    (folder / "in/one.mtl").write_text("newmtl paint\nKd 1 0 0\nmap_Kd tex.png\n")
+    (folder / "in/two.mtl").write_text("newmtl other\nKd 0 1 0\n")
+    (folder / "out").mkdir()
+    outcome = filter_mesh_file(lift, "in/in.obj", f"out/{target}")
+    assert [
+        note
+        for note in outcome.notes
+        if "none.mtl" in note and "one.mtl" not in note.replace("none.mtl", "")
+    ]
+    if target == "out.obj":
+        found = {path.name for path in (folder / "out").iterdir()}
+        assert found == {"out.obj", "one.mtl", "two.mtl", "tex.png"}
+    else:
+        materials = tree_of("out/out.glb")["materials"]
+        assert {material["name"] for material in materials} == {"paint", "other"}
+
+
+def test_absolute_names_of_several_material_files_become_relative(folder):
+    (folder / "in").mkdir()
+    names = f"{folder}/in/one.mtl {folder}/in/two.mtl"
+    (folder / "in/in.obj").write_text(OBJ.format(names))
+    for name in ("one", "two"):
+        (folder / f"in/{name}.mtl").write_text(f"newmtl {name}\n")
+    filter_mesh_file(lift, "in/in.obj", "out.obj")
+    assert (folder / "out.obj").read_text().startswith("mtllib one.mtl two.mtl\n")
+
+
 @pytest.mark.parametrize("overwrite", [True, False])
 def test_materials_of_others_are_not_replaced(folder, overwrite):
     (folder / "out").mkdir()

@@ -33,6 +33,7 @@ from ...staging import within
 from .gltf_maps import (
     is_beside,
     material_images,
+    moved_color,
     refused_images,
     replace_image,
     use_png,
@@ -191,6 +192,11 @@ class GltfFile(TexturedDocument):
                 name = self._tree["materials"][primitive["material"]].get("name", "")
             names += [name] * len(faces)
         return np.concatenate(blocks), np.array(names)
+
+    def moved_colors(self) -> Mapping[str, str]:
+        materials = self._tree.get("materials", [])
+        reasons = [(material.get("name", ""), moved_color(material)) for material in materials]
+        return {name: reason for name, reason in reasons if reason}
 
     def read_maps(self) -> tuple[list[MapGroup], list[str]]:
         count = len(self.faces)

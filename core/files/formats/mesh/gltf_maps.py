@@ -86,6 +86,12 @@ def refused_images(tree: Tree) -> dict[int, str]:
     return refused
 
 
+def moved_color(material: Tree) -> str:
+    """Why the first texture coordinates do not show a material's color; empty if they do."""
+    colors = (_moved(texture) for part, texture in _textures_of(material) if part == COLOR)
+    return next(filter(None, colors), "")
+
+
 def replace_image(tree: Tree, buffers: list[bytearray], number: int, data: bytes) -> None:
     """Put a PNG file in the place of an image that is stored inside the model."""
     image = tree["images"][number]
@@ -143,9 +149,11 @@ def _textures_of(material: Tree) -> Iterator[tuple[str, Any]]:
 
 def _moved(texture: Any) -> str:
     # Why the first texture coordinates do not show where a texture is; empty if they do.
-    if texture.get("texCoord", 0) != 0:
+    transform = texture.get("extensions", {}).get(_TRANSFORM, {})
+    if transform.get("texCoord", texture.get("texCoord", 0)) != 0:
         return "it is shown by other texture coordinates than the first ones"
-    if _TRANSFORM in texture.get("extensions", {}):
+    turn = [*transform.get("offset", (0, 0)), transform.get("rotation", 0)]
+    if any(turn) or [*transform.get("scale", (1, 1))] != [1, 1]:
         return "its texture coordinates are transformed"
     return ""
 

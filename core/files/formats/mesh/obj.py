@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from codecs import BOM_UTF8
 from collections.abc import Collection, Mapping
@@ -24,6 +25,7 @@ from ...document import (
 from ...side_files import are_beside, copy_beside, find, is_absolute, located
 from ...staging import within
 from .maps import COLOR, NORMALS, OPACITY, MapGroup, MapImage, TexturedDocument, grouped
+from .polygons import fans, without_flips
 
 _LARGEST_LIBRARY = 1 << 26  # bytes of a material file, which holds no images
 _LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
@@ -76,7 +78,7 @@ class ObjFile(TexturedDocument):
         self.vertices = self._numbers(self._vertex_lines)
         self._normal_values = self._numbers(self._normal_lines)
         self._corners = np.array(corners, dtype=np.int64).reshape(-1, 2)
-        self._triangles, self._owners = _fans(np.array(sizes, dtype=np.int64))
+        self._triangles, self._owners = self._cut(np.array(sizes, dtype=np.int64))
         self.faces = self._corners[self._triangles, 0]
         self.parts = np.array(parts, dtype=np.int64)[self._owners]
         normals = self._corners[:, 1]
@@ -90,6 +92,14 @@ class ObjFile(TexturedDocument):
         normal = int(fields[2]) if len(fields) == 3 and fields[2] else 0
         normal += len(self._normal_lines) if normal < 0 else -1
         return vertex, normal
+
+    def _cut(self, sizes: Ints) -> tuple[Ints, Ints]:
+        """The polygons' triangles, as numbers of corners, and the polygon of each."""
+        triangles, owners = fans(sizes)
+        vertices = self._corners[:, 0]
+        if vertices.min(initial=0) < 0 or vertices.max(initial=-1) >= len(self.vertices):
+            return triangles, owners  # refused by whoever reads them
+        return without_flips(self.vertices[vertices], triangles, owners), owners
 
     def _numbers(self, lines: list[int]) -> Floats:
         rows = [[float(word) for word in self.lines[n].split()[1:4]] for n in lines]
@@ -169,6 +179,15 @@ class ObjFile(TexturedDocument):
         uv = np.array(values)[np.array(corners)[self._triangles]]
         return uv, np.array(materials)[self._owners]
 
+    def moved_colors(self) -> Mapping[str, str]:
+        moved: dict[str, str] = {}
+        for line, material in self._material_lines():
+            _, start = self._image_in(line)
+            is_color = start and _PARTS.get(line.split(None, 1)[0].lower()) == COLOR
+            if is_color and _is_moved(line[:start]):
+                moved[material] = "its texture coordinates are transformed"
+        return moved
+
     def read_maps(self) -> tuple[list[MapGroup], list[str]]:
         uv, materials = self.read_uvs()
         known = ~np.isnan(uv).any(axis=(1, 2))
@@ -177,18 +196,17 @@ class ObjFile(TexturedDocument):
         cut_out: set[str] = set()
         moved: set[str] = set()
         for line, material in self._material_lines():
-            named = _named_file(self.path.parent, line, _IMAGES)
-            part = _PARTS.get(line.split(None, 1)[0].lower()) if named else None
-            if named is None or part is None:
+            name, start = self._image_in(line)
+            part = _PARTS.get(line.split(None, 1)[0].lower()) if name else None
+            if part is None:
                 continue
-            name = named[0].decode("utf-8", "replace")
             found = find(self.path.parent, name)
             if found is None:
                 notes.append(f"{part} of {material}: the file {name} is not beside the model")
                 continue
             if part == OPACITY:
                 cut_out.add(name)
-            if _is_moved(line[: named[1]]):
+            if _is_moved(line[:start]):
                 moved.add(name)
                 notes.append(
                     f"{part} of {material}: its texture coordinates are transformed; apply that"
@@ -213,10 +231,8 @@ class ObjFile(TexturedDocument):
         """The lines of all material files, and the material that each is of."""
         result, material = [], ""
         for library in material_files(self.path.parent, self.lines):
-            path = find(self.path.parent, library)
-            if path is None or path.stat().st_size >= _LARGEST_LIBRARY:
-                continue
-            for line in path.read_bytes().splitlines(keepends=True):
+            path = _library(self.path.parent, library)
+            for line in path.read_bytes().splitlines(keepends=True) if path else ():
                 words = line.split(None, 1)
                 if words and words[0].lower() == b"newmtl":
                     material = b" ".join(line.split()[1:]).decode("utf-8", "replace")
@@ -228,27 +244,46 @@ class ObjFile(TexturedDocument):
     ) -> list[str]:
         if not images:
             return self.save(path, positions, moved)
-        names = {}
-        for number, (name, data) in enumerate(images.items()):
-            names[name] = f"{path.name}.{number}.png"
+        lines = [(line, self._image_in(line)) for line, _ in self._material_lines()]
+        others = list(dict.fromkeys(name for _, (name, _) in lines if name and name not in images))
+        taken = {str(located(self.path.parent, name)).lower() for name in others}
+        tries = (f"{path.name}.{number}.png" for number in itertools.count())
+        names = dict(zip(images, (own for own in tries if own.lower() not in taken), strict=False))
+        for name, data in images.items():
             within(path.parent, names[name]).write_bytes(data)
-        lines, others = [], []
-        for line, _ in self._material_lines():
-            named = _named_file(self.path.parent, line, _IMAGES)
-            name = named[0].decode("utf-8", "replace") if named else ""
-            if named and name in names:
-                line = line[: named[1]] + names[name].encode() + b"\n"
-            elif named:
-                others.append(name)
-            lines.append(line if line.endswith(b"\n") else line + b"\n")
-        within(path.parent, f"{path.name}.mtl").write_bytes(b"".join(lines))
-        libraries = [n for n, line in enumerate(self.lines) if _LIBRARIES.match(line)]
-        for number in libraries:
-            self.lines[number] = b""
-        self.lines[libraries[0]] = b"mtllib " + f"{path.name}.mtl".encode() + b"\n"
+        library = b""
+        for line, (name, start) in lines:
+            if name in names:
+                line = line[:start] + names[name].encode()
+            library += line.rstrip(b"\r\n") + b"\n"
+        within(path.parent, f"{path.name}.mtl").write_bytes(library)
+        others += self._name_library(f"{path.name}.mtl")
         self._has_library = True
         notes = self.save(path, positions, moved)
         return [*notes, *copy_beside(self.path, others, path)[1]]
+
+    def _image_in(self, line: bytes) -> tuple[str, int]:
+        """The name of the image in a line of a material file, empty if none; where it begins."""
+        named = _names(self.path.parent, line, _IMAGES)
+        return (named[0][0].decode("utf-8", "replace"), named[0][1]) if named else ("", 0)
+
+    def _name_library(self, name: str) -> list[str]:
+        """Name one material file instead of all that were read; returns the names of the others."""
+        kept: list[str] = []
+        own = b"mtllib " + name.encode() + b"\n"
+        for number, line in enumerate(self.lines):
+            if not _LIBRARIES.match(line):
+                continue
+            words = [word for word, _ in _names(self.path.parent, line, _LIBRARIES)]
+            left = [
+                w for w in words if not _library(self.path.parent, w.decode("utf-8", "replace"))
+            ]
+            kept += [word.decode("utf-8", "replace") for word in left]
+            if left != words:
+                line = b"mtllib " + b" ".join(left) + b"\n" if left else b""
+            self.lines[number] = own + line
+            own = b""
+        return kept
 
     def _renew_normals(self, lines: list[bytes], positions: Floats) -> None:
         # Corners that shared a vertex and a normal keep sharing it: hard edges stay hard.
@@ -275,15 +310,6 @@ class ObjFile(TexturedDocument):
         lines[first] = block + lines[first]
 
 
-def _fans(sizes: Ints) -> tuple[Ints, Ints]:
-    """Cut polygons into fans: corner numbers (t, 3), and the polygon of each triangle."""
-    counts = np.maximum(sizes - 2, 0)
-    owner = np.repeat(np.arange(len(sizes)), counts)
-    step = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    first = (np.cumsum(sizes) - sizes)[owner]
-    return np.column_stack([first, first + step + 1, first + step + 2]), owner
-
-
 def look_through(path: Path) -> tuple[int, Floats]:
     """Count faces and read positions only: reading the faces takes longer than the rest."""
     data = path.read_bytes().removeprefix(BOM_UTF8)
@@ -298,6 +324,12 @@ def material_files(folder: Path, lines: list[bytes]) -> list[str]:
     return _named_files(folder, lines, _LIBRARIES)
 
 
+def _library(folder: Path, name: str) -> Path | None:
+    """A material file that can be read; None if there is none."""
+    path = find(folder, name)
+    return path if path is not None and path.stat().st_size < _LARGEST_LIBRARY else None
+
+
 def _copy_materials(source: Path, lines: list[bytes], stage: Path, is_beside: bool) -> list[str]:
     """Copy the material files of an OBJ file, and their textures, beside its copy.
 
@@ -306,8 +338,8 @@ def _copy_materials(source: Path, lines: list[bytes], stage: Path, is_beside: bo
     libraries = material_files(source.parent, lines)
     images: list[str] = []
     for library in libraries:
-        path = find(source.parent, library)
-        if path is not None and path.stat().st_size < _LARGEST_LIBRARY:
+        path = _library(source.parent, library)
+        if path is not None:
             words = path.read_bytes().splitlines()
             images += _named_files(source.parent, words, _IMAGES)
     copies, notes = copy_beside(source, libraries + images, stage)
@@ -320,23 +352,27 @@ def _copy_materials(source: Path, lines: list[bytes], stage: Path, is_beside: bo
 
 
 def _named_files(folder: Path, lines: list[bytes], keyword: re.Pattern[bytes]) -> list[str]:
-    named = (_named_file(folder, line, keyword) for line in lines)
-    return sorted({name[0].decode("utf-8", "replace") for name in named if name})
+    named = (name for line in lines for name, _ in _names(folder, line, keyword))
+    return sorted({name.decode("utf-8", "replace") for name in named})
 
 
-def _named_file(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> tuple[bytes, int] | None:
-    """The name of a file in a line, and where it begins.
+def _names(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> list[tuple[bytes, int]]:
+    """The names of files in a line, and where they begin.
 
-    Names may contain spaces and follow options: it is the whole rest of the line if such a file
-    exists, otherwise the last word.
+    Names may contain spaces: it is the whole rest of the line if such a file exists. Otherwise each
+    word names a library, and the last word, behind options, an image.
     """
     match = keyword.match(line)
     if match is None:
-        return None
-    name = match[1].rstrip()
-    if find(folder, name.decode("utf-8", "replace")) is None:
+        return []
+    name, start = match[1].rstrip(), match.start(1)
+    if find(folder, name.decode("utf-8", "replace")) is not None:
+        return [(name, start)]
+    if keyword is _IMAGES:
         name = name.split()[-1]
-    return name, match.start(1) + match[1].rindex(name)
+        return [(name, start + match[1].rindex(name))]
+    words = re.finditer(rb"\S+", name.partition(b"#")[0])
+    return [(word[0], start + word.start()) for word in words]
 
 
 def _is_moved(line: bytes) -> bool:
@@ -359,10 +395,9 @@ def _with_relative_names(
     """Lines in which names of files below a folder are relative to it."""
     result = []
     for line in lines:
-        named = _named_file(folder, line, keyword)
-        if named and is_absolute(named[0].decode("utf-8", "replace")):
-            name, start = named
-            place = located(folder, name.decode("utf-8", "replace"))
+        for name, start in reversed(_names(folder, line, keyword)):
+            text = name.decode("utf-8", "replace")
+            place = located(folder, text) if is_absolute(text) else None
             if place is not None:
                 line = line[:start] + str(place).encode() + line[start + len(name) :]
         result.append(line)

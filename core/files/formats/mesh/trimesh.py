@@ -22,11 +22,13 @@ from ...side_files import Resolver
 from ...staging import within
 from .contents import REPLACED, contents, polygon_count
 from .gltf_tree import densified, read_tree
-from .obj import look_through
+from .obj import look_through, material_files
+from .polygons import without_flips
 
 ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 
 _DOUBLE = (".obj", ".off")  # other formats hold 32 bits
+_INDICES = ("vertex_indices", "vertex_index")
 _LONGEST = 100  # letters of a material's name in the name of an image
 
 
@@ -51,13 +53,55 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
         if dense is not None:
             ending, file = "gltf", io.BytesIO(dense)
     resolver = Resolver(path, known)
+    if ending == "obj":
+        known |= _libraries(path, resolver)
     options |= {"resolver": resolver, "file_type": ending}
     scene = trimesh.load_scene(file, process=False, **options)
     for mesh in scene.geometry.values():
         uv = getattr(getattr(mesh, "visual", None), "uv", None)
         if uv is not None and np.shape(uv)[1] < 2:
             raise ValueError("texture coordinates of one number")
+        if ending == "ply" and hasattr(mesh, "faces"):
+            _cut_concave(mesh)
     return scene, resolver.notes()
+
+
+def _cut_concave(mesh: Any) -> None:
+    """Cut the concave polygons of a PLY file anew, which trimesh cut into fans.
+
+    Its order is triangles, first halves of quads, second halves, fans of other polygons.
+    """
+    data = mesh.metadata["_ply_raw"]["face"]["data"]
+    names = data.dtype.names if isinstance(data, np.ndarray) else tuple(data)
+    name = next((name for name in _INDICES if name in names), None)
+    if name is None:
+        return
+    lists = data[name]["f1"] if isinstance(data, np.ndarray) else data[name]
+    sizes = np.array([len(each) for each in lists])
+    quads, more = np.arange(np.count_nonzero(sizes == 4)), sizes[sizes > 4] - 2
+    first = np.count_nonzero(sizes == 3)
+    others = np.repeat(np.arange(len(more)), more) + first + len(quads)
+    owner = np.concatenate([np.arange(first), quads + first, quads + first, others])
+    if len(owner) != len(mesh.faces):
+        return
+    old = np.array(mesh.faces)
+    second = slice(first + len(quads), first + 2 * len(quads))
+    old[second] = np.roll(old[second], 1, axis=1)
+    new = without_flips(np.asarray(mesh.vertices, dtype=np.float64), old, owner)
+    changed = (new != old).any(axis=1)
+    if changed.any():
+        mesh.faces = np.where(changed[:, None], new, mesh.faces)
+
+
+def _libraries(path: Path, resolver: Resolver) -> dict[str, bytes]:
+    """All material files of an OBJ file, in one, by the name that trimesh asks for."""
+    lines = re.sub(rb"\\\r?\n", b"", path.read_bytes()).splitlines()
+    names = material_files(path.parent, lines)
+    asked = re.search(rb"mtllib(.*)", b"\n".join(lines))
+    if len(names) < 2 or asked is None:
+        return {}
+    found = [resolver.get(name) for name in names if resolver.has(name)]
+    return {asked[1].strip().decode("utf-8", "replace"): b"\n".join(found)}
 
 
 def _readable(path: Path) -> bytes | None:
@@ -159,6 +203,7 @@ class SceneFile(Document):
 def _export(scene: Any, path: Path) -> None:
     ending = path.suffix.lower()
     if ending in (".glb", ".gltf"):
+        _use_pbr(scene)
         scene.export(path, **({"embed_buffers": True} if ending == ".gltf" else {}))
     elif ending == ".obj":
         _export_obj(scene, path)
@@ -166,6 +211,34 @@ def _export(scene: Any, path: Path) -> None:
         scene.to_mesh().export(path, digits=17)
     else:
         scene.to_mesh().export(path)
+
+
+def _use_pbr(scene: Any) -> None:
+    """Turn materials of OBJ files into those of glTF, with what trimesh leaves out: names, opacity.
+
+    Materials that are equal but for their name stay apart.
+    """
+    known: dict[int, Any] = {}
+    for mesh in scene.geometry.values():
+        material: Any = getattr(getattr(mesh, "visual", None), "material", None)
+        if not hasattr(material, "kwargs"):  # not one of an OBJ file
+            continue
+        if id(material) not in known:
+            known[id(material)] = pbr = material.to_pbr()
+            pbr.name = material.name
+            opacity = _opacity(material.kwargs.get("d"))
+            if opacity < 1.0:
+                pbr.baseColorFactor = [*pbr.baseColorFactor[:3], round(255 * opacity)]
+                pbr.alphaMode = "BLEND"
+        mesh.visual.material = known[id(material)]
+
+
+def _opacity(words: Any) -> float:
+    """The number of a line `d`, which options may precede; 1 if there is none."""
+    try:
+        return min(max(float(words[-1]), 0.0), 1.0)
+    except (IndexError, TypeError, ValueError):
+        return 1.0
 
 
 def _export_obj(scene: Any, path: Path) -> None:
