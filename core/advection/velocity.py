@@ -218,7 +218,12 @@ def flow_frames(
         checked_number(value, name)
     flow = Flow(velocity, None, mask, step)
     fastest = flow.longest / flow._scale if flow._scale > 0 else 0.0
-    frames = fastest * duration * columns / (width * step)
+    with np.errstate(all="ignore"):
+        frames = float(np.float64(fastest) * duration * columns / width / step)
+    if not math.isfinite(frames):
+        raise InvalidSettings(
+            "The number of frames is too large; give a larger width or step, or a shorter duration."
+        )
     return max(math.ceil(frames - 1e-9 * frames), 1)
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import BAND, SCALES, by_keyword, checked_size
+from ..base.checks import BAND, SCALES, as_array, by_keyword, checked_size
 from ..base.findings import Finding
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
@@ -279,7 +279,10 @@ class TextureAtlas:
         InvalidSignal
             If the values do not fit the mesh or are not finite.
         """
-        given = np.asarray(values, dtype=np.float64)
+        given = as_array(values, "values")
+        if given.dtype.kind not in "biuf":
+            raise InvalidSignal(f"The values are of type {given.dtype}; give floats.")
+        given = given.astype(np.float64)
         count = self.mesh.face_count
         if given.ndim not in (2, 3) or given.shape[:2] != (count, 3):
             raise InvalidSignal(

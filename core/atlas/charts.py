@@ -121,6 +121,8 @@ def _checked_uv(uv: npt.ArrayLike, face_count: int) -> Floats:
         array = np.asarray(uv)
     except ValueError as error:  # rows of different lengths
         raise InvalidUV("Texture coordinates are not numbers; give an (m, 3, 2) array.") from error
+    if np.ma.is_masked(uv):
+        raise InvalidUV("Texture coordinates hold masked values; fill these first.")
     if array.dtype.kind not in "fiu":
         raise InvalidUV(f"Texture coordinates are of type {array.dtype}; give floats.")
     if array.shape != (face_count, 3, 2):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from typing import Any, ParamSpec, SupportsInt, TypeGuard, TypeVar
 
@@ -239,8 +239,13 @@ def check_kind_of_image(array: Any) -> None:
         raise InvalidSignal(f"The image has the shape {array.shape}; give (h, w) or (h, w, c).")
 
 
-def checked_out(out: npt.NDArray | None, given: npt.NDArray, times: int = 1) -> npt.NDArray:
-    """Return the array for a result `times` as large: `out` if it fits, or a new one if None."""
+def checked_out(
+    out: npt.NDArray | None, given: npt.NDArray, times: int = 1, others: Sequence[Any] = ()
+) -> npt.NDArray:
+    """Return the array for a result `times` as large: `out` if it fits, or a new one if None.
+
+    It shares no memory with the image and what `others` there are.
+    """
     shape = (times * given.shape[0], times * given.shape[1], *given.shape[2:])
     if out is None:
         return np.empty(shape, given.dtype)
@@ -254,8 +259,9 @@ def checked_out(out: npt.NDArray | None, given: npt.NDArray, times: int = 1) -> 
             f"out is {out.dtype} of shape {out.shape}; give a contiguous {given.dtype} array of"
             f" shape {shape} that can be written to."
         )
-    if np.may_share_memory(out, given):
-        raise InvalidSignal("out shares memory with the image; give another array.")
+    arrays = [given, *(each for each in others if isinstance(each, np.ndarray))]
+    if any(np.may_share_memory(out, each) for each in arrays):
+        raise InvalidSignal("out shares memory with what is given; give another array.")
     return np.asarray(out)
 
 

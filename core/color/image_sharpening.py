@@ -59,8 +59,9 @@ def sharpen_image(
     -------
     array like `image`
         `ImageSettings.enlarge` times as high and wide. Each value is within the range of the input
-        near it. A time of 0 returns the input bit for bit, or enlarged by a cubic. Pixel art stays,
-        and is enlarged by whole pixels, see `color.pixel_art`. Opacity (see
+        near it, up to rounding to single precision. A time of 0 returns the input bit for bit, or
+        enlarged by a cubic. Pixel art stays, and is enlarged by whole pixels, see
+        `color.pixel_art`. Opacity (see
         `ImageSettings.alpha`) is sharpened by itself; it stays where a time is given, or a guide.
         Hidden pixels stay hidden. A dask array gives a dask array, computed later chunk
         by chunk, with the same bits; what counts of the whole is measured at once. See
@@ -104,7 +105,7 @@ def sharpen_image(
         return sharpen_chunks(image, settings, mask, known, guide)
     with reporting(progress):
         given = checked_image(image, LARGEST if settings.by_width else None)
-        result = checked_out(out, given, settings.enlarge)
+        result = checked_out(out, given, settings.enlarge, (image, mask, guide))
         weights = checked_weights(mask, given)
         lead = checked_guide(guide, given, settings)
         sharpen_checked(given, result, settings, weights, lead, known)

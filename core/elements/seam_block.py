@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
+from ..errors import SolverError
 from ..linear.multigrid import Multigrid
 from ..mesh.triangle_mesh import Ints
 from ..sparse.factors import Factors, factored
@@ -20,6 +21,9 @@ MOST = 1 << 19
 """Most unknowns of a block that is factored."""
 
 _CHUNK = 1 << 15
+
+_LIFT = 1e-12
+"""Share of the diagonal that is added where rounding takes away more."""
 
 
 class SeamBlock:
@@ -52,9 +56,11 @@ class SeamBlock:
             csr = matrix.start, matrix.columns.view(np.uint32), matrix.values
             self._hierarchy = Multigrid(csr, self._inverse_root)
         elif len(rows.unknowns):
-            matrix = added(_inner(rows, number), diagonal_matrix(rows.diagonal))
-            self._factors, self._place = factored(matrix)
-            require_positive(self._factors.diagonal)
+            inner = _inner(rows, number)
+            try:
+                self._factors, self._place = _factored(inner, rows.diagonal)
+            except SolverError:  # rounding, at charts far smaller than a texel
+                self._factors, self._place = _factored(inner, (1.0 + _LIFT) * rows.diagonal)
 
     def solve(self, b: Singles, x: Singles) -> None:
         """Solve for the block's unknowns in `x` while all others are fixed: (c, n)."""
@@ -69,6 +75,12 @@ class SeamBlock:
             scale = self._inverse_root[:, None]
             y = scale * self._hierarchy.cycle(scale * y)
         run(_scatter, n, self._rows.unknowns, self._place, y, x, chunk=_CHUNK)
+
+
+def _factored(inner: Sparse, diagonal: Floats) -> tuple[Factors, Ints]:
+    factors, place = factored(added(inner, diagonal_matrix(diagonal)))
+    require_positive(factors.diagonal)
+    return factors, place
 
 
 def _inner(rows: BlockRows, number: Ints, scale: Floats | None = None) -> Sparse:

@@ -199,7 +199,7 @@ class _Baker:
                 halves = {"occlusion": seen, "bent_normals": bent}
         with phase(*inside, "Tracing rays"):
             if is_thick:
-                halves["thickness"] = look_inside(scene, sites, settings.rays) * scene.unit
+                halves["thickness"] = look_inside(scene, sites, settings.rays)
         filling = 0.3 * self._unmet.is_needed
         sheets = {}
         for name, part in zip(names, parts, strict=True):
@@ -207,6 +207,8 @@ class _Baker:
                 both = halves[name].astype(np.float32)
                 with phase(0.0, 1.0 - filling, "Smoothing"):
                     found = without_noise(self._met, both[self._is_met], settings.smoothing)
+                if name == "thickness":
+                    found = found * np.float32(scene.unit)
                 with phase(1.0 - filling, 1.0, "Filling"):
                     sheet = on_sheet(self._atlas, self._met, found)
                     sheets[name] = self._unmet.filled(sheet)

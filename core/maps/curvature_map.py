@@ -199,7 +199,7 @@ def _shown(values: _Single, atlas: TextureAtlas, settings: CurvatureSettings) ->
         return values
     ask()
     scale = settings.white or _usual(values[atlas.sheet.nodes >= 0], atlas.mesh, settings.kind)
-    grays = values / np.float32(scale)
+    grays = values.astype(np.float64) / scale
     grays = grays if is_sided else 0.5 + 0.5 * grays
     return np.clip(grays, 0.0, 1.0).astype(np.float32)
 

@@ -128,7 +128,7 @@ def gradient_directions(
     corners = values[mesh.faces] if values.ndim == 1 else mesh.own_corners(values)
     corners = corners.astype(np.float64)
     corners[~np.isfinite(corners).all(axis=1)] = 0.0
-    corners = corners - corners[:, :1]
+    corners = 0.5 * corners - 0.5 * corners[:, :1]  # which is finite
     corners /= np.maximum(np.abs(corners).max(axis=1, keepdims=True), 1e-300)
     places = mesh.scaled_vertices[mesh.faces]
     sides = np.roll(places, 1, axis=1) - np.roll(places, -1, axis=1)
@@ -170,7 +170,8 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, *, turned: bool = F
         raise InvalidSignal(f"The axis is {axis!r}; give three numbers.")
     if not given.any():
         raise InvalidSignal("The axis has no length; give another one.")
-    wanted = given / np.abs(given).max()
+    wanted = given.astype(np.float64)
+    wanted /= np.abs(wanted).max()
     around = np.cross(mesh.normals, wanted)
     return unit_vectors(
         around if checked_flag(turned, "turned") else np.cross(around, mesh.normals)

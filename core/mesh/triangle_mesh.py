@@ -258,6 +258,8 @@ def checked_vertices(vertices: npt.ArrayLike) -> Floats:
         given = np.asarray(vertices)
     except ValueError as error:  # rows of different lengths
         raise InvalidMesh("Vertices are not numbers; give an (n, 3) array of floats.") from error
+    if np.ma.is_masked(vertices):
+        raise InvalidMesh("Vertices hold masked values; fill these first.")
     if given.dtype.kind not in "fiu":
         raise InvalidMesh(f"Vertices are of type {given.dtype}, not numbers; give floats.")
     array = np.array(given, dtype=np.float64, order="C")

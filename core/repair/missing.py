@@ -106,7 +106,7 @@ def _of_color(pixels: npt.NDArray, color: npt.NDArray, alpha: int) -> Bools:
             f"The missing color has {len(color)} values; give a mask, or as many as the image has"
             f" channels, {count}."
         )
-    step = 0.5 if pixels.dtype.kind == "u" else 1e-6
+    step = 0.5 if pixels.dtype.kind == "u" else 1e-6 * np.maximum(np.abs(color), 1.0)
     off = np.abs(pixels[..., : len(color)].astype(np.float64) - color)
     return (off <= step).all(axis=2)
 

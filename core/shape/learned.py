@@ -18,6 +18,7 @@ from ..base.memo import kept
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import phase
 from ..base.vectors import dot, edge
+from ..errors import InvalidMesh
 from ..flow.potential import dilation
 from ..mesh.calculus import (
     average_to_faces,
@@ -301,16 +302,34 @@ def fitted(
     fits: int = 1,
     settings: FitSettings = _FIT,
 ) -> Floats:
-    """Go on from a displacement of a mesh towards normals of its faces: (n, 3)."""
+    """Go on from a displacement of a mesh towards normals of its faces: (n, 3).
+
+    The last fit that does not shrink a mesh of few faces to a point is the result.
+    """
     for fit in range(fits):
         with phase(fit / fits, (fit + 1) / fits, "Fitting the surface"):
-            current = moved_to(mesh, moved)
-            even = _untangled(current, normals)
-            if even is not None:
-                even = even if weights is None else weights[:, None] * even
-                moved = moved + even
-                current = moved_to(mesh, moved)
-            moved = moved + displacement(current, normals, settings, weights)[0]
+            try:
+                moved = _fitted_once(mesh, moved, normals, weights, settings)
+            except InvalidMesh:
+                return moved
+    return moved
+
+
+def _fitted_once(
+    mesh: TriangleMesh,
+    moved: Floats,
+    normals: Floats,
+    weights: Floats | None,
+    settings: FitSettings,
+) -> Floats:
+    current = moved_to(mesh, moved)
+    even = _untangled(current, normals)
+    if even is not None:
+        even = even if weights is None else weights[:, None] * even
+        moved = moved + even
+        current = moved_to(mesh, moved)
+    moved = moved + displacement(current, normals, settings, weights)[0]
+    moved_to(mesh, moved)  # raises an error
     return moved
 
 

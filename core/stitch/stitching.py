@@ -129,7 +129,7 @@ def stitch_textures(
     |grad x - grad y_k|^2)`` on the surface, lengths in mean texel sizes, for images y_k whose
     confidences w_k add up to 1 in the second term. At a seam, each
     side of an image has the values of its own chart, extrapolated linearly. For equal images, the
-    result differs from them by rounding.
+    result differs from them by rounding, but for steps where confidences end.
 
     Not in the paper: of a step at a seam counts what stands out from the detail beside it (see
     `stitch.seam_steps`), so that fine textures without steps hardly change; with ``seams="auto"``

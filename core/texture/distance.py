@@ -298,8 +298,9 @@ def _shown(
         width = settings.width or along or largest
         if not settings.width:
             tell("The gradient ends at a distance of {width}.", width=Length(width))
-        with np.errstate(invalid="ignore"):
-            return np.clip(1.0 - distances / width, 0.0, 1.0)
+        is_reached = np.isfinite(distances)
+        shares = np.where(is_reached, distances, 0.0) / width
+        return np.where(is_reached, np.clip(1.0 - shares, 0.0, 1.0), 0.0).astype(distances.dtype)
     width = settings.width or largest / _LINES
     if not settings.width:
         tell("The lines are {width} apart.", width=Length(width))

@@ -174,7 +174,7 @@ class TextureSolver:
         normals: npt.ArrayLike | None = None,
         atlas: TextureAtlas | None = None,
     ) -> None:
-        given = checked_image(image, LARGEST)
+        given = checked_image(image, LARGEST).copy()
         self._image = given
         self._settings = settings = given_or_default(settings, FilterSettings)
         pixels = given.reshape(*given.shape[:2], -1)

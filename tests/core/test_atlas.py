@@ -488,3 +488,20 @@ def test_a_face_that_reaches_too_far_is_named():
     far[5, 1] = (9000.0, far[5, 0, 1] + 1e-4)
     with pytest.raises(core.InvalidUV, match="chart is that of face 5"):
         core.TextureAtlas(mesh, far, size=(64, 64))
+
+
+@pytest.mark.parametrize("values", [[[1, 2], [3]], [["a", "b", "c"]], np.full((1, 3), 1j)])
+def test_values_that_are_no_numbers_are_refused(values):
+    mesh = core.TriangleMesh(np.eye(3), [[0, 1, 2]])
+    atlas = core.TextureAtlas(mesh, np.eye(3)[None, :, :2] * 0.8 + 0.1, size=(8, 8))
+    with pytest.raises(core.InvalidSignal):
+        atlas.bake(values)
+
+
+def test_masked_coordinates_are_refused():
+    hidden = np.ma.masked_array(np.eye(3), mask=np.eye(3))
+    with pytest.raises(core.InvalidMesh, match="masked"):
+        core.TriangleMesh(hidden, [[0, 1, 2]])
+    mesh, flat = core.TriangleMesh(np.eye(3), [[0, 1, 2]]), np.eye(3)[None, :, :2]
+    with pytest.raises(core.InvalidUV, match="masked"):
+        core.TextureAtlas(mesh, np.ma.masked_array(flat, mask=flat > 0), size=(8, 8))

@@ -351,3 +351,25 @@ def bilinear(image, place):
     four = image[low : low + 2, left : left + 2]
     return float((1 - t) * (1 - s) * four[0, 0] + (1 - t) * s * four[0, 1]
                  + t * (1 - s) * four[1, 0] + t * s * four[1, 1])  # fmt: skip
+
+
+def test_thickness_follows_the_unit_of_length():
+    mesh = core.TriangleMesh(*icosphere(2))
+    flat = mesh.vertices[mesh.faces][..., :2]
+    count = len(mesh.faces)
+    side = int(np.ceil(np.sqrt(count)))
+    place = np.stack(np.divmod(np.arange(count), side), 1)[:, None]
+    low, high = flat.min(1, keepdims=True), flat.max(1, keepdims=True)
+    uv = (place + 0.1 + 0.8 * (flat - low) / (high - low)) / side
+    found = [
+        core.bake_maps(
+            core.TriangleMesh(scale * mesh.vertices, mesh.faces),
+            uv,
+            maps=["thickness"],
+            size=(64, 64),
+            settings=core.BakeSettings(rays=16),
+        )["thickness"]
+        / scale
+        for scale in (1.0, 1e-6)
+    ]
+    np.testing.assert_allclose(found[1], found[0], atol=1e-4)

@@ -143,3 +143,11 @@ def test_planes_loose_vertices_and_bad_radii():
         core.curvature(mesh, progress=lambda *_: False)
     with pytest.raises(core.Cancelled):
         core.curvature_map(mesh, uv, size=(8, 8), progress=lambda *_: False)
+
+
+def test_the_smallest_white_gives_numbers():
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    settings = core.CurvatureSettings(look="gray", white=1e-46)
+    mesh, uv = core.TriangleMesh(square, faces), square[faces][..., :2]
+    assert np.isfinite(core.curvature_map(mesh, uv, settings, size=(8, 8))).all()

@@ -375,3 +375,13 @@ def test_bad_input_fails_with_a_sentence(folder, capsys):
         cli.main(["denoise-image", "bad.npy", "out.npy", "--window", "4"])
     assert "--window is no flag any more: the time alone says" in capsys.readouterr().err
     assert sorted(path.name for path in folder.iterdir()) == ["bad.npy", "in.ply"]
+
+
+@pytest.mark.parametrize("top", [[0.5, 0.5, 1.0], [0.3, 0.4, 0.2]])
+def test_solids_of_few_faces_come_out(top):
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], top])
+    faces = [[0, 2, 1], [0, 3, 2], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    mesh = core.TriangleMesh(vertices, faces)
+    for strength in (0.001, 1.0):
+        found = core.denoise_geometry(mesh, core.BeltramiGeometrySettings(strength=strength))
+        assert core.TriangleMesh(found, faces).areas.max() > 0

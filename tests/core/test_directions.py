@@ -196,3 +196,13 @@ def test_where_a_saddle_bends_alike_both_ways_there_is_no_direction():
     vertices[:, 2] = (x * x - y * y) / 40
     found = np.linalg.norm(core.principal_directions(core.TriangleMesh(vertices, faces)), axis=1)
     assert found[inner(vertices, off=7)].max() < 0.1
+
+
+def test_directions_of_the_largest_numbers_are_finite():
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    mesh = core.TriangleMesh(square, [[0, 1, 2], [0, 2, 3]])
+    found = core.axis_directions(mesh, np.array([-128, 0, 0], np.int8))
+    np.testing.assert_allclose(found, [[-1, 0, 0], [-1, 0, 0]], atol=1e-12)
+    found = core.gradient_directions(mesh, [1.7e308, -1.7e308, 0, 0])
+    small = core.gradient_directions(mesh, [1.7, -1.7, 0, 0])
+    np.testing.assert_allclose(found, small, atol=1e-12)

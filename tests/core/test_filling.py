@@ -345,3 +345,12 @@ def test_grain_of_charts_of_single_texels_is_finite():
     missing[:4, :4] = 1.0
     result = core.fill_texture(mesh, uv, image, core.FillSettings(grain=1.0), missing=missing)
     assert np.isfinite(result).all()
+
+
+def test_a_missing_color_may_be_far_above_1():
+    image = np.tile(np.linspace(0.2, 0.9, 16), (16, 1)).astype(np.float32)
+    image[4:8, 4:8] = 1000.1
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh, uv = core.TriangleMesh(square, faces), square[faces][..., :2]
+    assert core.fill_texture(mesh, uv, image, missing=[1000.1]).max() < 1

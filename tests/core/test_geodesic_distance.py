@@ -462,3 +462,12 @@ def test_a_distance_that_is_not_final_is_told(monkeypatch, is_enough):
     if not is_enough:
         assert said[0].startswith("Places whose distance may be too large: ")
         assert int(said[0].split(": ")[1].rstrip(".")) > 0
+
+
+def test_a_gradient_without_end_is_0_where_nothing_leads():
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh = core.TriangleMesh(np.r_[square, square + [3, 0, 0]], np.r_[faces, faces + 4])
+    settings = core.DistanceSettings(look="gradient", width=np.inf)
+    found = core.vertex_distance(mesh, settings, vertices=[0])
+    np.testing.assert_array_equal(found, [1, 1, 1, 1, 0, 0, 0, 0])

@@ -264,3 +264,14 @@ def test_nothing_is_added_on_the_whole_where_the_screen_hardly_holds_it():
     masses = solver._masses.reshape(len(change), -1)[:, :1].astype(np.float64)
     assert np.abs(change).max() > 0.1
     assert abs((masses * change).sum() / masses.sum()) < 1e-7
+
+
+def test_a_solver_keeps_the_texture_that_it_was_made_for():
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh, uv = core.TriangleMesh(corners, faces), corners[faces][..., :2] * 0.8 + 0.1
+    image = np.tile(0.5 + 0.2 * np.sin(np.arange(32.0)), (32, 1))
+    before = image.copy()
+    solver = core.TextureSolver(mesh, uv, image)
+    image[:] = 0
+    np.testing.assert_array_equal(solver.filtered(1.0), before)

@@ -526,3 +526,12 @@ def test_given_fields_that_are_cut_off_are_told():
     starts = np.array([[1.5, 1.5], [37.5, 1.5]])
     _, unfinished = follow(cell_field(lambda y, x: (1.0, 0.0)), 10.0, starts, most_steps=2)
     assert unfinished.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("name", ["mask", "guide", "image"])
+def test_no_result_is_written_over_what_is_given(name):
+    image, other = np.random.default_rng(0).random((2, 40, 40))
+    words = {"out": image} if name == "image" else {name: other, "out": other}
+    given = image[::-1] if name == "image" else image
+    with pytest.raises(core.InvalidSignal, match="shares memory"):
+        core.sharpen_image(given, core.ImageSettings(time=50.0), **words)

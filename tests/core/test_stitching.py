@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from atlases import Blocks, sample
-from shapes import grid
+from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.stitch import light
@@ -534,3 +534,28 @@ def test_how_far_sides_agree_grows_without_jumps():
     assert moved[-1] < 0.1
     assert (np.diff(moved) < 0.02).all()
     assert np.diff(moved).min() > -0.5
+
+
+def unwrapped(vertices, faces):
+    """A chart for each of the six sides of a box."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    axis = np.abs(normals).argmax(axis=1)
+    is_front = normals[np.arange(len(axis)), axis] > 0
+    places = (corners - vertices.min(axis=0)) / np.ptp(vertices, axis=0).max()
+    across = np.stack([(axis + 1) % 3, (axis + 2) % 3], axis=1)
+    uv = 0.28 * np.take_along_axis(places, across[:, None], axis=2) + 0.02
+    return uv + np.stack([axis / 3, 0.5 * ~is_front], axis=1)[:, None]
+
+
+def test_charts_far_smaller_than_a_texel_stop_nothing():
+    box, sides = cube(3)
+    sheet, faces = grid(6, 6)
+    sheet[:, 2] = 0.3 * np.sin(sheet[:, 0]) + 0.2 * np.cos(1.3 * sheet[:, 1])
+    charts, more = unwrapped(sheet, faces), unwrapped(box, sides)
+    image = np.random.default_rng(3).random((24, 32))
+    for size in 10.0 ** -np.arange(1.0, 4.5, 0.25):
+        vertices = np.r_[sheet, 0.01 * size * box + 3]
+        mesh = core.TriangleMesh(vertices, np.r_[faces, sides + len(sheet)])
+        uv = np.r_[charts, 0.9 + 0.1 * size * more]
+        assert np.isfinite(core.stitch_textures(mesh, uv, image)).all()

@@ -290,3 +290,12 @@ def test_vectors_of_a_mesh_are_found_and_named(tmp_path):
         read_velocity(two)
     with pytest.raises(core.InvalidUV, match="no texture coordinates"):
         read_velocity(square(tmp_path / "u.ply", "vx", "vy", "vz", more=""))
+
+
+@pytest.mark.parametrize(
+    "sizes", [{"width": 1e-200, "step": 1e-200}, {"width": 1e-300, "duration": 1e300}]
+)
+def test_more_frames_than_can_be_counted_are_refused(sizes):
+    velocity = np.full((5, 5, 2), [9.9, 0.0])
+    with pytest.raises(core.InvalidSettings, match="number of frames"):
+        core.flow_frames(velocity, **{"columns": 300, "width": 8.0, "duration": 1.0, **sizes})
