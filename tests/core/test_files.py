@@ -735,7 +735,7 @@ def test_bad_files_are_named(tmp_path, name, data, words):
 
 def test_our_own_mistakes_are_logged_with_their_traceback(tmp_path, monkeypatch, caplog):
     (tmp_path / "in.obj").write_bytes(QUADS)
-    monkeypatch.setattr(obj, "_fans", None)  # a planted mistake: None is called
+    monkeypatch.setattr(obj, "fans", None)  # a planted mistake: None is called
     with pytest.raises(core.ShockError, match=r"in\.obj cannot be read; is it damaged\? \('None"):
         sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj")
     (record,) = caplog.records

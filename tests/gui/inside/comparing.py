@@ -110,7 +110,7 @@ def ended_meanwhile() -> Steps:
         with over():
             end()
         yield 2 * DRAWN
-        seen.setdefault("after", []).append([now(), len(addon("preview.operator")._running)])
+        seen.setdefault("after", []).append([now(), len(addon("running.jobs").previews)])
 
 
 def save_file() -> None:

@@ -75,9 +75,7 @@ def dragged(image: bpy.types.Image, seen: dict) -> Steps:
     run("preview")
     yield from updated(0)
     x, y = middle()
-    while (
-        not addon("preview.operator")._running[0].operator._arrived
-    ):  # the mouse has to rest at first
+    while not addon("running.jobs").previews[0].operator._arrived:  # the mouse has to rest at first
         move(x, y)
         yield DRAWN
     seen["gains"], seen["seconds"] = [], []

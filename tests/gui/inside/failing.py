@@ -65,11 +65,11 @@ def break_run() -> Steps:
 
 def break_preview() -> Steps:
     """Raise when the mouse moves, after something was shown."""
-    preview = addon("preview.operator")
+    preview, jobs = addon("preview.operator"), addon("running.jobs")
     show_text = preview._Session.show_text
     seen = report["preview"] = {}
     run("preview")
-    (session,) = preview._running
+    (session,) = jobs.previews
     place = region("VIEW_3D")
     for _ in range(60):  # seconds: a busy Blender is slow
         yield DRAWN
@@ -84,12 +84,12 @@ def break_preview() -> Steps:
     move(place.x + place.width * 0.45, place.y + place.height * 0.5)
     yield DRAWN
     preview._Session.show_text = show_text
-    seen["running"] = preview.is_running(), len(preview._running)
-    seen["freed"] = addon("running.jobs").is_freed(session.operator)
+    seen["running"] = jobs.is_previewing(), len(jobs.previews)
+    seen["freed"] = jobs.is_freed(session.operator)
     seen["kept"] = positions("Monkey")
     seen["again"] = run("preview")
     yield DRAWN
-    seen["running_again"] = preview.is_running()
+    seen["running_again"] = jobs.is_previewing()
     yield from press("Escape")
     yield DRAWN
-    seen["ended"] = not preview.is_running()
+    seen["ended"] = not jobs.is_previewing()

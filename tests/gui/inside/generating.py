@@ -65,9 +65,7 @@ def previewed(place: tuple, seen: dict) -> Steps:
     yield from click(place)
     x, y = middle()
     yield from updated(0)
-    while (
-        not addon("preview.operator")._running[0].operator._arrived
-    ):  # the mouse has to rest at first
+    while not addon("running.jobs").previews[0].operator._arrived:  # the mouse has to rest at first
         move(x, y)
         yield DRAWN
     yield DRAWN

@@ -67,7 +67,7 @@ def to_the_part(start: tuple[int, int, int, int]) -> Steps:
         yield 0.05
     for _ in range(60):
         yield DRAWN
-        if addon("preview.operator")._running[0].operator._arrived:
+        if addon("running.jobs").previews[0].operator._arrived:
             break
         move(x, y)
     for step in range(8):

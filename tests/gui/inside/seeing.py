@@ -142,7 +142,7 @@ def change_by_script() -> Steps:
     vertices[0].co = (0, 0, 3)
     move(x - 100, y + 30)
     yield 3 * DRAWN
-    seen["running"] = len(addon("preview.operator")._running)
+    seen["running"] = len(addon("running.jobs").previews)
     seen["kept"] = tuple(vertices[0].co)
     seen["back"] = tuple(vertices[1].co) == before[1]
     vertices[0].co = before[0]
@@ -163,7 +163,7 @@ def said() -> str:
 
 def running_preview() -> object:
     """Return the preview that is under way."""
-    return addon("preview.operator")._running[0]._preview
+    return addon("running.jobs").previews[0]._preview
 
 
 def drag(x: float, y: float) -> Steps:
@@ -172,7 +172,7 @@ def drag(x: float, y: float) -> Steps:
     for _ in range(60):  # seconds: a busy Blender is told late that the mouse has come, and rests
         move(x, y)
         yield DRAWN
-        if addon("preview.operator")._running[0].operator._arrived:
+        if addon("running.jobs").previews[0].operator._arrived:
             break
     for step in range(11):
         move(x + 12 * step, y)
