@@ -1263,8 +1263,8 @@ def test_concave_polygons_have_no_flipped_triangles(tmp_path, ending, turn):
     path = tmp_path / f"in{ending}"
     write_polygons(path, [*outlines, [(0, 0), (1, 0), (0, 1)]])
     document = read_document(path, IN_PLACE[ending])
-    a, b, c = (document.vertices[document.faces[:, k]][:, :2] for k in range(3))
-    areas = 0.5 * np.cross(b - a, c - a)
+    a, b, c = (document.vertices[document.faces[:, k]] for k in range(3))
+    areas = 0.5 * np.cross(b - a, c - a)[:, 2]
     assert (areas > 0).all()
     assert areas.sum() == pytest.approx(8 + 1 + 3 + 1 + 0.5)
     assert len(areas) == 10 + 2 + 4 + 2 + 1
