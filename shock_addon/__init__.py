@@ -59,12 +59,14 @@ def _note_undo(*_: object) -> None:
     # Data that was undone no longer exists.
     operators.summaries.clear()
     comparing.look_again(-1)
+    data.live.watching.doubt()
     automatic.wait()
 
 
 @persistent
 def _note_redo(*_: object) -> None:
     comparing.look_again(1)
+    data.live.watching.doubt()
     automatic.wait()
 
 

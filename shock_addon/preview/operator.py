@@ -73,6 +73,7 @@ class _Session:
         bpy.context.window_manager.event_timer_remove(self._timer)
         self._status.clear(bpy.context)
         self._preview.end()
+        data.live.watching.doubt()
 
 
 class _PreviewOperator:

@@ -13,7 +13,7 @@ import shock_filter
 from shock_filter.core.host.live.movement import Connectivity, is_fitting, marks_of, movement
 from shock_filter.shock_addon.data import MOVE
 from shock_filter.shock_addon.data.chosen import live_modifier, live_source
-from shock_filter.shock_addon.data.live import graph, nodes, stacks
+from shock_filter.shock_addon.data.live import graph, nodes, recipes, stacks
 from shock_filter.shock_addon.data.live.recipes import all_noted
 from shock_filter.shock_addon.data.mesh import geometry, meshes
 from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
@@ -438,6 +438,60 @@ def test_a_live_copy_remembers_its_source(joined_cubes):
     bpy.data.objects.remove(cube)
     with pytest.raises(RuntimeError, match="was removed"):
         live.update(copy)
+
+
+def states_after(operator, name, count):
+    """Undo or redo some steps; return the state of a copy after each."""
+    found = []
+    for _ in range(count):
+        operator()
+        bpy.context.view_layer.update()  # as Blender does in its window
+        found.append(live.state(bpy.data.objects[name]))
+    return found
+
+
+def test_undo_and_redo_know_which_copies_are_behind(joined_cubes):
+    operand = joined_cubes[1].name
+    sharpen(output="LIVE")
+    name = bpy.context.object.name
+    bpy.ops.ed.undo_push(message="Live")
+    for x in (0.7, 0.5):
+        bpy.data.objects[operand].location.x = x
+        bpy.context.view_layer.update()
+        bpy.ops.ed.undo_push(message="Move")
+        bpy.ops.shock_filter.update_live("EXEC_DEFAULT", True)
+    assert live.state(bpy.data.objects[name]) == "fresh"
+    assert states_after(bpy.ops.ed.undo, name, 4) == ["moved", "fresh", "moved", "fresh"]
+    assert states_after(bpy.ops.ed.redo, name, 4) == ["moved", "fresh", "moved", "fresh"]
+    assert not automatic.data.live.watching.changed_copies()
+
+
+def test_undo_leaves_copies_whose_source_is_in_another_mode_or_has_a_mask(joined_cubes):
+    cube, operand = joined_cubes
+    cube.hide_set(False)
+    sharpen(output="LIVE")
+    copy = bpy.context.object
+    operand.location.x = 0.7
+    bpy.context.view_layer.update()
+    operand.location.x = 1.0
+    watching = automatic.data.live.watching
+    cube.hide_set(False)
+    bpy.context.view_layer.objects.active = cube
+    bpy.ops.object.mode_set(mode="EDIT")
+    watching.doubt()
+    bpy.context.view_layer.update()
+    assert watching.has_changed(copy)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.update()
+    assert not watching.has_changed(copy)
+    operator, settings = all_noted(copy.data)[0]
+    recipes.note(copy.data, operator, settings | {"vertex_group": "Some"})
+    operand.location.x = 0.9
+    bpy.context.view_layer.update()
+    operand.location.x = 1.0
+    watching.doubt()
+    bpy.context.view_layer.update()
+    assert watching.has_changed(copy)
 
 
 def test_a_painted_mask_stays_where_it_was_when_a_copy_is_updated(joined_cubes):

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
+from shock_filter import live
 from shock_filter.core import GeometrySettings, InvalidMesh, InvalidSettings
 from shock_filter.core.host import colors
 from shock_filter.core.host.geometry import filter_shape
@@ -835,6 +836,22 @@ def test_a_key_shows_what_was_there_before(events):
     assert stored(box) == before
     events.send("B")
     assert stored(box) != before
+
+
+def test_live_copies_are_up_to_date_after_a_cancelled_preview(rounded_box, select, monkeypatch):
+    box = rounded_box((0.5, 0.5, 0.5))
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.modifiers.new("Boolean", "BOOLEAN").object = box
+    bpy.ops.shock_filter.sharpen_geometry(output="LIVE")
+    copy = bpy.context.object
+    select(box)
+    events = _Events(begun("geometry"), monkeypatch)
+    shown_by(events)
+    bpy.context.view_layer.update()
+    assert live.state(copy) == "moved"
+    assert events.send("ESC") == {"CANCELLED"}
+    bpy.context.view_layer.update()
+    assert live.state(copy) == "fresh"
 
 
 def test_values_stay_while_the_mouse_moves_up_or_down(events):

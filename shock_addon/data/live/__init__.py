@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         nodes,
         recipes,
         results,
+        sources,
         stacks,
         watching,
     )

@@ -14,11 +14,20 @@ from ..chosen import live_source
 CHANGED = "shock_filter_changed"
 """Key among a copy's properties, in files that were saved while it was behind."""
 
+SEEN = "shock_filter_seen"
+"""Key of what a copy was made of, see `sources.digest`, among its properties: undo restores it."""
+
 _changed: dict[int, float] = {}
 """Copies that are behind, by uids: when their sources changed last."""
 
 _copies: dict[int, set[int]] = {}
 """Of each live copy, by uids: what its source depends on."""
+
+_doubtful: set[int] = set()
+"""Copies that are compared with what their sources show, by uids, as soon as that is evaluated."""
+
+_is_doubted = False
+"""Whether this is to be done with all copies."""
 
 _counted = -1
 _states: dict[int, str] = {}
@@ -30,7 +39,13 @@ changed_at = 0.0
 
 def note(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
     """Look at what has changed; Blender calls it after each evaluation."""
-    global changed_at
+    global changed_at, _counted, _is_doubted
+    if _is_doubted:
+        _copies.clear()  # they may have other sources now
+        _counted = -1
+        _find_copies()
+        _doubtful.update(_copies)
+        _is_doubted = False
     _find_copies()
     if not (_copies or _states):
         return
@@ -45,6 +60,17 @@ def note(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
             copy = _object(uid)
             source = None if copy is None else live_source(copy)
             _copies[uid] = set() if source is None else dependencies(source)
+    for uid in list(_doubtful):
+        _compare(uid, graph)
+
+
+def doubt() -> None:
+    """Say that any copy may be up to date or behind: after an undo, a redo or a preview.
+
+    An undo also takes updates back, and a preview leaves sources as they were.
+    """
+    global _is_doubted
+    _is_doubted = True
 
 
 def note_updated(obj: bpy.types.Object) -> None:
@@ -55,6 +81,7 @@ def note_updated(obj: bpy.types.Object) -> None:
     source = live_source(obj)
     if source is not None:
         _copies[obj.session_uid] = dependencies(source)
+        obj[SEEN] = _seen(source, bpy.context.evaluated_depsgraph_get())
 
 
 def has_changed(obj: bpy.types.Object) -> bool:
@@ -82,6 +109,9 @@ def state_for_panel(obj: bpy.types.Object, find: Any) -> str:
 
 def keep(*_: object) -> None:
     """Write into a file that is saved which copies are behind."""
+    for obj in filter(None, map(_object, _copies)):
+        if obj.library is None:
+            obj.pop(CHANGED, None)
     for obj in changed_copies():
         if obj.library is None:
             obj[CHANGED] = True
@@ -97,9 +127,11 @@ def read(*_: object) -> None:
 
 def forget() -> None:
     """Forget all objects."""
-    global _counted
+    global _counted, _is_doubted
     _changed.clear()
     _copies.clear()
+    _doubtful.clear()
+    _is_doubted = False
     _states.clear()
     _counted = -1
 
@@ -165,6 +197,38 @@ def _find_copies() -> None:
         del _copies[uid]
     for uid in there.keys() - _copies.keys():
         _copies[uid] = dependencies(there[uid])
+
+
+def _compare(uid: int, graph: bpy.types.Depsgraph) -> None:
+    """Find out whether a copy was made of what its source shows, where that is evaluated."""
+    global changed_at
+    copy = _object(uid)
+    source = None if copy is None else live_source(copy)
+    if copy is None or source is None or not copy.get(SEEN) or _is_masked(copy):
+        _doubtful.discard(uid)
+        return
+    seen = _seen(source, graph)
+    if not seen:
+        return
+    _doubtful.discard(uid)
+    _states.clear()
+    if seen == copy[SEEN]:
+        _changed.pop(uid, None)
+    elif uid not in _changed:
+        _changed[uid] = changed_at = time.monotonic()
+
+
+def _is_masked(copy: bpy.types.Object) -> bool:
+    """Whether a result depends on a vertex group of the source, which is not told apart."""
+    from . import recipes  # which needs json
+
+    return any(settings.get("vertex_group") for _, settings in recipes.all_noted(copy.data))
+
+
+def _seen(source: bpy.types.Object, graph: bpy.types.Depsgraph) -> str:
+    from . import sources  # which needs numpy
+
+    return sources.digest(source, graph)
 
 
 def _forget_state(each: bpy.types.ID) -> None:

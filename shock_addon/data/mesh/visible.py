@@ -205,7 +205,7 @@ def evaluated(
     obj: bpy.types.Object,
 ) -> Iterator[tuple[bpy.types.Object, bpy.types.Depsgraph]]:
     """Give an object as it is evaluated, in a scene of its own where it is not otherwise."""
-    if _is_evaluated(obj):
+    if is_evaluated(obj, bpy.context.view_layer):
         graph = bpy.context.evaluated_depsgraph_get()
         yield obj.evaluated_get(graph), graph
         return
@@ -222,9 +222,8 @@ def evaluated(
         yield other.evaluated_get(layer.depsgraph), layer.depsgraph
 
 
-def _is_evaluated(obj: bpy.types.Object) -> bool:
-    # Blender leaves out what is disabled, but not what is hidden.
-    layer = bpy.context.view_layer
+def is_evaluated(obj: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
+    """Whether Blender evaluates an object: not what is disabled, but what is hidden."""
     if obj.hide_viewport or obj.name not in layer.objects:
         return False
     collections = [layer.layer_collection]
