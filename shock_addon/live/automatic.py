@@ -176,7 +176,7 @@ def _is_welcome() -> bool:
     Nor before `_look` has seen the last change, which may put it out of date.
     """
     is_seen = bool(data.live.watching.changed_at == _seen)
-    return is_seen and bpy.context.mode == "OBJECT" and not jobs.is_artist_busy()
+    return is_seen and bpy.context.mode == "OBJECT" and not _is_artist_busy()
 
 
 def _is_of_undo() -> bool:
@@ -187,4 +187,8 @@ def _is_of_undo() -> bool:
 def _is_busy() -> bool:
     if jobs.current() is not None or jobs.is_settling() or jobs.is_scene_read():
         return True
-    return bpy.context.mode != "OBJECT" or jobs.is_artist_busy()
+    return bpy.context.mode != "OBJECT" or _is_artist_busy()
+
+
+def _is_artist_busy() -> bool:
+    return jobs.is_artist_busy(time.monotonic() - data.live.watching.changed_at)

@@ -37,6 +37,12 @@ _BUTTONS |= {f"BUTTON{number}MOUSE" for number in range(4, 8)}
 _READ_BY_OTHERS = ("RENDER", "OBJECT_BAKE")
 """Blender's jobs that read the scene on other threads; results wait for their end."""
 
+_LINGERS = 2.0
+"""Seconds without a change after which operators of other add-ons are taken for ones that stay."""
+
+_OWN = (__package__.partition(".shock_addon")[0] + ".", "bl_operators.")
+"""How modules of operators begin that end soon: of this extension, and of Blender in Python."""
+
 _running: set[Job] = set()
 _waits: list[_Wait] = []
 previews: list[Any] = []
@@ -300,16 +306,31 @@ def is_scene_read() -> bool:
     return any(bpy.app.is_job_running(kind) for kind in _READ_BY_OTHERS)
 
 
-def is_artist_busy() -> bool:
-    """Whether a modal operator that is no run is under way, or an animation is played."""
+def is_artist_busy(rested: float) -> bool:
+    """Whether a modal operator that is no run is under way, or an animation is played.
+
+    Parameters
+    ----------
+    rested : float
+        Seconds without a change. After some, operators of other add-ons count no more, of which
+        some are under way as long as Blender is.
+    """
     for window in bpy.context.window_manager.windows:
         others = [each.bl_idname for each in getattr(window, "modal_operators", ())]
         for wait in _waits:
             if not wait.is_forsaken and wait.operator.bl_idname in others:
                 others.remove(wait.operator.bl_idname)
+        if rested > _LINGERS:
+            others = [name for name in others if not _is_of_others(name)]
         if others or window.screen.is_animation_playing:
             return True
     return False
+
+
+def _is_of_others(name: str) -> bool:
+    """Whether an operator is one of another add-on; most of Blender's are in no Python class."""
+    found = bpy.types.Operator.bl_rna_get_subclass_py(name)
+    return found is not None and not found.__module__.startswith(_OWN)
 
 
 def _is_held_back(context: bpy.types.Context, event: bpy.types.Event) -> bool:

@@ -105,6 +105,8 @@ class Context(SimpleNamespace):
 class Blender(SimpleNamespace):
     """What a modal run asks of the bpy module."""
 
+    types = bpy.types
+
     def __init__(self, context):
         self.jobs, self.timers = set(), []
         app = SimpleNamespace(
@@ -236,13 +238,37 @@ def test_a_drag_makes_the_artist_busy_and_a_run_does_not(context):
     for window in windows:
         window.screen.is_animation_playing = False
     windows[0].modal_operators = [SimpleNamespace(bl_idname=operator.bl_idname)]
-    assert not jobs.is_artist_busy()
+    assert not jobs.is_artist_busy(60.0)
     windows[1].modal_operators = [SimpleNamespace(bl_idname="TRANSFORM_OT_translate")]
-    assert jobs.is_artist_busy()
+    assert jobs.is_artist_busy(60.0)
     windows[1].modal_operators = []
     windows[1].screen.is_animation_playing = True
-    assert jobs.is_artist_busy()
+    assert jobs.is_artist_busy(60.0)
     operator.cancel(context)
+
+
+class EXAMPLE_OT_stays(bpy.types.Operator):
+    """One of another add-on, which some keep under way as long as Blender is."""
+
+    bl_idname = "example.stays"
+    bl_label = "Stays"
+
+
+def test_an_operator_of_another_addon_is_waited_for_only_for_a_while(context):
+    windows = context.window_manager.windows
+    for window in windows:
+        window.screen.is_animation_playing = False
+    bpy.utils.register_class(EXAMPLE_OT_stays)
+    try:
+        windows[0].modal_operators = [SimpleNamespace(bl_idname="EXAMPLE_OT_stays")]
+        assert jobs.is_artist_busy(1.0)
+        assert not jobs.is_artist_busy(60.0)
+        own = ("SHOCK_FILTER_OT_preview", "VIEW3D_OT_edit_mesh_extrude_move_normal")
+        for name in ("TRANSFORM_OT_translate", "SCULPT_OT_brush_stroke", *own):
+            windows[1].modal_operators = [SimpleNamespace(bl_idname=name)]
+            assert jobs.is_artist_busy(60.0)
+    finally:
+        bpy.utils.unregister_class(EXAMPLE_OT_stays)
 
 
 def test_esc_answers_at_once_and_stops_the_thread(context):
