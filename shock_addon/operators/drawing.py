@@ -51,7 +51,7 @@ def draw_sections(
     if has_output(parameters, mode):
         section = _section(layout, mode, "Output")
         if section:
-            draw_output(section, parameters, mode)
+            draw_output(section, context, parameters, mode)
     section = _section(layout, mode, "Advanced")
     if section:
         draw_advanced(section, parameters, mode)
@@ -230,12 +230,15 @@ def has_output(parameters: Parameters, mode: Mode) -> bool:
     return bool({"output", "add_node", "folder"}.intersection(mode.names_for(parameters)))
 
 
-def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
+def draw_output(
+    layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: Mode
+) -> None:
     """Draw the properties of the output."""
     column = split(layout)
     if "folder" in mode.names:
         column.prop(parameters, "folder")
-        if "add_node" in mode.names_for(parameters):
+        is_of_map = data.chosen.in_image_editor(context)  # whatever the 3D view's panel shows
+        if "add_node" in mode.names_for(parameters) and not is_of_map:
             column.prop(parameters, "add_node")
         return
     if "add_node" in mode.names:

@@ -119,7 +119,7 @@ class _OutputPanel:
         """Draw the choice."""
         from ..operators import drawing
 
-        drawing.draw_output(self.layout, self.settings(context), self.mode(context))
+        drawing.draw_output(self.layout, context, self.settings(context), self.mode(context))
 
 
 class _AdvancedPanel:

@@ -966,6 +966,17 @@ def test_all_settings_of_flows_stand_in_their_panel(rounded_box):
     assert kept(settings) - shown <= {"target", "image", "y_axis"}
 
 
+def test_add_node_is_shown_only_where_there_are_objects(rounded_box):
+    rounded_box()
+    bpy.context.scene.shock_filter.visualize.target = "attribute"
+    image = bpy.data.images.new("Flow", 8, 8)
+    for name, is_shown in (("flow", True), ("image_flow", False)):
+        layout = Unfolded()
+        draw(getattr(panels, f"SHOCK_FILTER_PT_{name}"), image, layout)
+        assert "folder" in settings_of(layout.drawn)
+        assert ("add_node" in settings_of(layout.drawn)) == is_shown
+
+
 def test_length_is_blending_in_frames():
     settings = bpy.context.scene.shock_filter.visualize
     assert settings.streak_frames == pytest.approx(10.0)
