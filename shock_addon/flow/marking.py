@@ -106,7 +106,9 @@ class SHOCK_FILTER_OT_mark_creases(_CreaseOperator, bpy.types.Operator):
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects."""
         if self.output == "CURVES":
-            _check_mode(context)
+            _check_mode(
+                context, "New objects are made in Object Mode; go there, or choose another output."
+            )
         return data.mesh.meshes.read_targets(context, self.reader(), self._parameters())
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
@@ -249,7 +251,7 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects."""
-        _check_mode(context)
+        _check_mode(context, "New objects are made in Object Mode; go there first.")
         return data.mesh.meshes.read_targets(context, self.reader(), self._parameters())
 
     def compute(self) -> Callable:
@@ -290,10 +292,10 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
         self.layout.prop(self, "turn")
 
 
-def _check_mode(context: bpy.types.Context) -> None:
+def _check_mode(context: bpy.types.Context, reason: str) -> None:
     # Undo of another mode would not take a new object away.
     if context.mode != "OBJECT":
-        raise Refused("New objects are made in Object Mode; go there, or choose another output.")
+        raise Refused(reason)
 
 
 def _find_creases(surface: Any, _: str, settings: Any, weld: bool, progress: Any) -> Any:

@@ -22,6 +22,7 @@ from ..operators.base import can_run
 from ..operators.choosing import mode as mode_shown
 from ..running import jobs
 from ..running.status import StatusText
+from . import painting
 from .pointing import editors_of, is_over_view, views_with_textures
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ class _PreviewOperator:
         """Return whether there is an active mesh object or an image, and no run."""
         in_images = data.chosen.in_image_editor(context)
         mode = cls.shown_mode(context)
-        obstacle = obstacles.of_images(context) if in_images else _of_meshes(context, mode)
+        obstacle = _of_images(context, mode) if in_images else _of_meshes(context, mode)
         if not obstacle and jobs.is_settling():
             obstacle = "Wait until the render, or the last run, has ended."
         if not mode.has_preview:
@@ -247,6 +248,13 @@ def _shown_mode(context: bpy.types.Context) -> Mode:
     return mode_shown(context, choice) if is_of_tab else chosen
 
 
+def _of_images(context: bpy.types.Context, mode: Mode) -> str:
+    obstacle = obstacles.of_images(context)
+    return obstacle or obstacles.of_mode(
+        context, mode, getattr(context.scene.shock_filter, mode.group)
+    )
+
+
 def _of_meshes(context: bpy.types.Context, mode: Mode) -> str:
     obstacle = obstacles.of_meshes(context)
     if obstacle:
@@ -257,13 +265,21 @@ def _of_meshes(context: bpy.types.Context, mode: Mode) -> str:
         return obstacles.of_unwrapped(context)
     if not mode.data.in_images:
         return ""
-    try:
-        settings = getattr(context.scene.shock_filter, mode.group)
-        image = data.chosen.chosen_image(context, settings.image)
-    except Skipped:
-        return "Add an Image Texture node with an image to the material."
-    on_model = data.image.stand_in.is_shown(context.object, image) and any(views_with_textures())
-    if on_model or any(editors_of(image.session_uid)):
+    settings = getattr(context.scene.shock_filter, mode.group)
+    obstacle = obstacles.of_mode(context, mode, settings)
+    if obstacle:
+        return obstacle
+    image = data.chosen.chosen_image(context, settings.image)
+    if any(editors_of(image.session_uid)):
+        return ""
+    if painting.is_running():
+        return "A gain map is painted, and the model shows its result; press Paint Gain to end that."
+    if not data.image.stand_in.is_shown(context.object, image):
+        return (
+            "Open the texture in an Image Editor: the model shows only previews of textures of its"
+            " materials that have no UDIM tiles."
+        )
+    if any(views_with_textures()):
         return ""
     return "Open the texture in an Image Editor, or choose Material Preview: they show the preview."
 

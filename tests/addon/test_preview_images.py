@@ -449,10 +449,34 @@ def test_a_texture_needs_an_image_editor_for_its_preview(rounded_box, editor, mo
         patch.setattr(preview_operator, "views_with_textures", lambda: ["view"])
         assert obstacle(bpy.context, find("texture")) == ""
         bpy.context.object.active_material.node_tree.nodes.active.image.source = "TILED"
-        assert obstacle(bpy.context, find("texture")) != ""
+        assert "has tiles that are not saved" in obstacle(bpy.context, find("texture"))
         wood.source = "GENERATED"
     editor(wood)
     assert obstacle(bpy.context, find("texture")) == ""
+
+
+def test_the_reason_why_a_texture_cannot_be_previewed_is_the_true_one(
+    rounded_box, editor, monkeypatch
+):
+    wood = add_image(soft(16, 16), "Wood")
+    textured_sheet(wood)
+    settings = bpy.context.scene.shock_filter
+    settings.mode = "TEXTURE"
+    obstacle = preview_operator._of_meshes
+    monkeypatch.setattr(preview_operator, "views_with_textures", lambda: ["view"])
+    add_image(soft(16, 16), "Other")
+    settings.texture.image = "Other"
+    assert "textures of its materials" in obstacle(bpy.context, find("texture"))
+    settings.texture.image = "Wood"
+    with monkeypatch.context() as patch:
+        patch.setattr(stand_in, "is_shown", lambda obj, image: False)  # it has UDIM tiles
+        assert "no UDIM tiles" in obstacle(bpy.context, find("texture"))
+        patch.setattr(preview_operator.painting, "is_running", lambda: True)
+        assert "A gain map is painted" in obstacle(bpy.context, find("texture"))
+    assert obstacle(bpy.context, find("texture")) == ""
+    wood.source = "MOVIE"
+    said = preview_operator._of_images(editor(wood), find("image"))
+    assert said.startswith("Wood: it is a movie")
 
 
 def test_what_the_tab_shows_is_previewed():
