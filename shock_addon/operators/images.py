@@ -11,9 +11,13 @@ from bpy.app.translations import pgettext_rpt
 
 from ...core.settings import named
 from .. import data
+from ..data import PICTURES
 from ..data.skipped import Refused, Skipped, sentences
 from . import poll as obstacles
 from .base import Done, FilterOperator, Written, describe_colors, write_results
+
+_NAMING = ("image", "mask_image", "gain_map", *PICTURES)
+"""Properties that name images, which may get other names during a run."""
 
 
 class OneImageOperator(FilterOperator):
@@ -61,10 +65,16 @@ class OneImageOperator(FilterOperator):
         except Skipped as reason:
             return [], sentences([(image.name, str(reason))])
         self.image = image.name  # redo must not read the result, which is shown by then
+        found = {name: bpy.data.images.get(getattr(self, name, "")) for name in _NAMING}
+        self._uids = {name: each.session_uid for name, each in found.items() if each is not None}
         return targets, skipped
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write all images, and show the first one in the Image Editor."""
+        names = {each.session_uid: each.name for each in bpy.data.images}
+        for name, uid in self._uids.items():
+            if uid in names:
+                setattr(self, name, names[uid])
         self._parts: list[dict[int, Any]] = []
         self._digests: dict[int, bytes] = {}
         self._known: list[str] = []

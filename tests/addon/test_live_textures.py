@@ -4,9 +4,11 @@
 import bpy
 import numpy as np
 import pytest
+from shock_filter.shock_addon.data import LIVE_TEXTURE
 from shock_filter.shock_addon.data.image import images, mixing
-from shock_filter.shock_addon.data.live import graph
-from shock_filter.shock_addon.data.materials import active_image, live_mix
+from shock_filter.shock_addon.data.live import graph, recipes
+from shock_filter.shock_addon.data.materials import active_image, live_mask, live_mix
+from shock_filter.shock_addon.operators import base
 from shock_filter.shock_addon.operators.base import summaries
 from wooden import SIZE, add_image, amount, baked, node_of, tree
 
@@ -63,6 +65,25 @@ def test_a_mask_image_can_be_painted_afterwards(wood, inverted):
     one, other = (result, before) if inverted else (before, result)
     np.testing.assert_allclose(shown[: SIZE // 2], one[: SIZE // 2], rtol=0, atol=2e-6)
     np.testing.assert_allclose(shown[SIZE // 2 :], other[SIZE // 2 :], rtol=0, atol=2e-6)
+
+
+def test_a_run_follows_names_that_change_meanwhile(wood, monkeypatch):
+    mask = add_image("Mask", np.ones((SIZE, SIZE, 4)))
+    obj, run = bpy.context.object, base.Task.run
+
+    def rename(task, progress):
+        found = run(task, progress)
+        obj.name, wood.name, mask.name = "Sheet", "Oak", "Where"
+        add_image("Mask", np.zeros((SIZE, SIZE, 4)))
+        return found
+
+    monkeypatch.setattr(base.Task, "run", rename)
+    assert sharpen(output="LIVE", mask_image=mask.name) == {"FINISHED"}
+    mix = live_mix(node_of(wood))
+    assert live_mask(mix)[0].image == mask
+    _, settings = recipes.noted(mix, LIVE_TEXTURE)
+    kept = {name: settings[name] for name in ("image", "mask_image", "objects")}
+    assert kept == {"image": "Oak", "mask_image": "Where", "objects": ["Sheet"]}
 
 
 def test_before_and_after_swap_it(wood):

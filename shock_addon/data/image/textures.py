@@ -15,7 +15,7 @@ from bpy.app.translations import pgettext_rpt
 from ....core.host.inputs import HostImage, TexturedFaces, TexturedSurface
 from ....core.host.mosaic import Mosaic
 from .. import PICTURES, arrays
-from ..chosen import mesh_users, refusal
+from ..chosen import find_again, mesh_users, refusal, uids_of
 from ..materials import image_nodes, materials_of
 from ..mesh import meshes
 from ..mesh.colors import find_colors
@@ -37,15 +37,20 @@ class TextureTarget(ImageTarget):
     ----------
     mosaic : Mosaic or None
         The layout of UDIM tiles in one image.
-    objects : list of str
-        Names of the objects whose faces were read.
+    uids : dict of int to str
+        Names by uids of the objects whose faces were read.
     notes : list of str
         Remarks on them for the report.
     """
 
     mosaic: Mosaic | None
-    objects: list[str]
+    uids: dict[int, str]
     notes: list[str]
+
+    @property
+    def objects(self) -> list[str]:
+        """List the names that these objects have now."""
+        return [obj.name for obj in find_again(self.uids)[0]]
 
 
 def read_texture(
@@ -103,8 +108,9 @@ def read_texture(
         surface = replace(surface, content=content)
         notes += [pgettext_rpt(_AS_NORMALS).format(image=image.name)] if content else []
     notes += _other_users(context, image, objects)
+    uids = uids_of([bpy.data.objects[name] for name in names])
     uid = image.session_uid
-    return TextureTarget(image.name, uid, surface, parts, mosaic, names, notes), skipped
+    return TextureTarget(image.name, uid, surface, parts, mosaic, uids, notes), skipped
 
 
 def holding(
