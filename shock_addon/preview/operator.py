@@ -273,7 +273,7 @@ def _of_meshes(context: bpy.types.Context, mode: Mode) -> str:
     if any(editors_of(image.session_uid)):
         return ""
     if painting.is_running():
-        return "A gain map is painted, and the model shows its result; press Paint Gain to end that."
+        return "A gain map is painted, and the model shows its result; press Paint Gain to end it."
     if not data.image.stand_in.is_shown(context.object, image):
         return (
             "Open the texture in an Image Editor: the model shows only previews of textures of its"
