@@ -1679,7 +1679,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         choices={
             "normals": "The directions of the faces, to which the surface is fitted: keeps creases",
             "positions": "The places of the vertices, as in the paper: rounds creases and shrinks"
-            " a little. Only times and iterations matter then",
+            " a little. Only Strength, Time and Iterations matter then",
         },
         advanced=True,
         label="Filter",

@@ -675,3 +675,19 @@ def test_bad_input_is_refused_with_a_name():
                 {"filtered": "faces"}):  # fmt: skip
         with pytest.raises(core.InvalidSettings, match=next(iter(bad))):
             core.BeltramiGeometrySettings(**bad)
+
+
+def test_the_text_of_filtered_positions_names_the_settings_that_count():
+    mesh = noisy(*subdivide(*cube()), 0.1)
+    settings = kernel_of_paper(filtered="positions")
+    before, found = core.denoise_geometry(mesh, settings), set()
+    described = settings_module.describe(core.BeltramiGeometrySettings)
+    for name in described.keys() - {"method", "filtered"}:
+        value = getattr(settings, name)
+        value = value + 1 if isinstance(value, int) else value / 2 + 0.1
+        other = replace(settings, **{name: value})
+        if (core.denoise_geometry(mesh, other) != before).any():
+            found.add(name)
+    text = described["filtered"][2].choices["positions"]
+    listed = text.rpartition("Only ")[2].removesuffix(" matter then").lower()
+    assert set(listed.replace(" and ", ", ").split(", ")) == found
