@@ -7,7 +7,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
-from ..data.skipped import Refused, explain
+from ..data.skipped import Refused, explain, listed
 from ..operators import poll as obstacles
 from ..operators.base import can_run
 from . import automatic, updating
@@ -16,6 +16,11 @@ from .drawing import BLACK_SHOWS, PAINTED, WHITE_SHOWS
 _GROUP = "Shock Filter"
 """The vertex group that is painted."""
 
+_WHOLE = (
+    "{names}: changes as a whole, as Update keeps no selection or mask of another mode; use a"
+    " vertex group, or Paint Where."
+)
+
 _Plan = list[tuple[bpy.types.Object, list[updating.Step]]]
 """Objects, and what makes their results again."""
 
@@ -23,6 +28,10 @@ _Plan = list[tuple[bpy.types.Object, list[updating.Step]]]
 def _active(context: bpy.types.Context) -> bpy.types.Object | None:
     obj = context.object
     return obj if obj is not None and obj.type == "MESH" else None
+
+
+def _is_limited(step: updating.Step) -> bool:
+    return data.live.recipes.LIMITED in step.settings
 
 
 class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
@@ -53,6 +62,7 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
     def _update(self, plan: _Plan, how: str) -> set[str]:
         done = 0
         made: list[updating.Step] = []
+        limited = [obj.name for obj, steps in plan if any(map(_is_limited, steps))]
         for obj, steps in plan:
             ended: set[str] = set()
             left = [step for step in steps if not any(each.does(step) for each in made)]
@@ -63,6 +73,9 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
                     done += ended != {"CANCELLED"}
             except RuntimeError as error:
                 self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
+        if done and limited:
+            text = pgettext_rpt(_WHOLE).format(names=listed(limited))
+            self.report({"WARNING"}, text)
         if done and ended.isdisjoint({"FINISHED", "RUNNING_MODAL"}):  # it has added no step of undo
             bpy.ops.ed.undo_push(message=self.bl_label)
         return {"FINISHED"} if done else {"CANCELLED"}

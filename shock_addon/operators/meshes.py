@@ -33,6 +33,7 @@ class MeshOperator(FilterOperator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects, or those in the current object mode."""
+        self._limited: set[int] = set()
         return data.mesh.meshes.read_targets(
             context,
             self._read_one,
@@ -45,6 +46,8 @@ class MeshOperator(FilterOperator):
         if self._is_live(obj):
             data.live.stacks.check(obj)
             self._check_colors(obj)
+            if data.mesh.masks.is_limited(obj, mode, parameters):
+                self._limited.add(obj.session_uid)
             parameters = data.live.recipes.AsLive(parameters)
         return self.kind.read(obj, mode, parameters)
 
@@ -101,6 +104,8 @@ class MeshOperator(FilterOperator):
         obj = write(target, result)
         values = {name: getattr(self, name) for name in self.row.names_for(self)}
         values["output"] = "LIVE"
+        if target.object_uid in self._limited:
+            values[data.live.recipes.LIMITED] = True
         if self.kind.paints:
             values["attribute"] = target.place[1] if self.kind.moves else target.place
             data.live.recipes.note(obj.data, self.row.operator, values, data.LIVE_COLORS)

@@ -789,3 +789,27 @@ def test_marks_of_faces_tell_that_one_was_replaced(count):
 def triangles(count):
     ends = np.array([[0, 1], [1, 2], [2, 0]])
     return Connectivity(ends, np.tile([0, 1, 2], count), np.arange(0, 3 * count, 3))
+
+
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT", "OBJECT"])
+def test_an_update_says_that_it_keeps_no_selection_or_mask(rounded_box, capfd, mode):
+    box = rounded_box()
+    upper = read_positions(box.data)[:, 2] > 0.0
+    bpy.ops.object.mode_set(mode=mode)
+    if mode == "EDIT":
+        mesh = bmesh.from_edit_mesh(box.data)
+        for vertex in mesh.verts:
+            vertex.select = bool(upper[vertex.index])
+        mesh.select_flush_mode()
+    elif mode == "SCULPT":
+        mask = box.data.attributes.new(".sculpt_mask", "FLOAT", "POINT")
+        mask.data.foreach_set("value", 1.0 - upper)
+    sharpen(output="LIVE")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    settled = (seen(box) == read_positions(box.data))[~upper].all()
+    assert settled == (mode != "OBJECT")
+    capfd.readouterr()
+    for is_said in (mode != "OBJECT", False):  # the result is one of the whole mesh then
+        assert bpy.ops.shock_filter.update_live() == {"FINISHED"}
+        assert (f"{box.name}: changes as a whole" in capfd.readouterr().out) == is_said
+        assert (seen(box) != read_positions(box.data))[~upper].any()

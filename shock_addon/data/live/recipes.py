@@ -17,6 +17,9 @@ Recipe = tuple[str, dict[str, Any]]
 OF_MESHES = LIVE_COLORS, LIVE_STAMP
 """Keys under which a mesh keeps how its results were made: colors, then the shape."""
 
+LIMITED = "limited"
+"""Key beside the properties, if a selection, mask or hidden parts of a mode left something out."""
+
 
 class AsLive:
     """The parameters of an operator, with the output Live."""

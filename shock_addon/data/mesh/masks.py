@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -54,6 +55,19 @@ def color_mask(
     reached[read_corner_vertices(obj.data)[free]] = True
     whole = _product([*masks, reached])  # also says if nothing is left
     return (whole, None) if domain == "POINT" else (_product(masks), free)
+
+
+def is_limited(obj: bpy.types.Object, mode: str, parameters: Any) -> bool:
+    """Whether the mode, by its selection, mask or hidden parts, leaves something out.
+
+    Parameters
+    ----------
+    obj, mode, parameters
+        As in `color_mask`.
+    """
+    selected_only = getattr(parameters, "selected_only", False)
+    own = SimpleNamespace(vertex_group="", selected_only=selected_only)
+    return any(each is not None for each in color_mask(obj, mode, "CORNER", own))
 
 
 def _vertex_masks(obj: bpy.types.Object, mode: str, parameters: Any) -> list[npt.NDArray]:
