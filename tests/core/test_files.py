@@ -1054,6 +1054,25 @@ def test_text_ply_changes_lines_of_changed_colors_only(tmp_path, names):
     np.testing.assert_array_equal(got, np.rint(255 * sharpened(vertices, faces, stored / 255)))
 
 
+@pytest.mark.parametrize("kind, dtype", [("int", "i4"), ("uint", "u4"), ("ushort", "u2")])
+def test_ply_colors_up_to_255_in_wide_numbers_are_bytes(tmp_path, kind, dtype):
+    vertices, faces, colors = painted()
+    stored = bytes_of(colors).astype(dtype)
+    source = tmp_path / "in.ply"
+    source.write_bytes(ply_bytes(vertices, faces, color_columns(stored, kind, dtype)))
+    sharpen_colors_file(source, tmp_path / "out.ply", SOFT)
+    source.write_text(painted_text_ply(vertices, faces, stored, kind=kind))
+    sharpen_colors_file(source, tmp_path / "text.ply", SOFT)
+    wanted = sharpened(vertices, faces, stored / 255)
+    for name in ("out.ply", "text.ply"):
+        got = IN_PLACE[".ply"](tmp_path / name).read_colors()
+        np.testing.assert_array_equal(got, np.rint(255 * wanted) / 255)
+    fields = [(axis, "<f4") for axis in "xyz"]
+    fields += [(name, f"<{dtype}") for name in ("red", "green", "blue")]
+    written = ply_table((tmp_path / "out.ply").read_bytes(), fields, len(vertices))
+    np.testing.assert_array_equal(written["red"], np.rint(255 * wanted[:, 0]))
+
+
 def obj_with_colors(vertices, faces, colors):
     rows = [
         "v {} {} {} {:.3f} {:.3f} {:.3f}".format(*v, *c)

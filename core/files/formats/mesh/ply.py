@@ -83,17 +83,33 @@ class PlyFile(InPlaceDocument):
         named = (names for names in _COLORS if set(names) <= set(self._table.names))
         return next(named, ())
 
+    def _color_kinds(self) -> list[np.dtype[Any]]:
+        """The types whose maximum is white, of each color's channels.
+
+        Wide whole numbers are of 8 bits if none is above 255, as other programs read and write
+        them.
+        """
+        names = self._color_names()
+        kinds = [self._table.kind(name) for name in names]
+        if all(kind.kind in "iu" for kind in kinds):
+            byte = np.dtype(np.uint8)
+            if self._table.columns(*names).max(initial=0.0) <= np.iinfo(byte).max:
+                return [byte if kind.itemsize > 1 else kind for kind in kinds]
+        return kinds
+
     def read_colors(self) -> Floats:
         names = self._color_names()
         if not names:
             return np.full_like(self.vertices, np.nan)
-        return np.column_stack([self._table.weights(name) for name in names])
+        columns = self._table.columns(*names).T
+        kinds = self._color_kinds()
+        return np.column_stack([to_unit(*each) for each in zip(columns, kinds, strict=True)])
 
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
         names = self._color_names()
         old = self._table.columns(*names)
-        kinds = [self._table.kind(name) for name in names]
-        new = [from_unit(column, kind) for column, kind in zip(colors.T, kinds, strict=True)]
+        pairs = zip(colors.T, self._color_kinds(), strict=True)
+        new = [from_unit(column, kind) for column, kind in pairs]
         path.write_bytes(self._table.rewritten(dict(zip(names, new, strict=True))))
         differs = (np.column_stack(new) != old) & np.isfinite(colors)
         return int(differs.any(axis=1).sum()), []
