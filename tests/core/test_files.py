@@ -1258,7 +1258,7 @@ COMB += [(0, 2)]
 
 
 def write_polygons(path, outlines):
-    """Polygons side by side, on a slope, as `f` lines or rows of a text PLY file."""
+    """Polygons side by side, on a slope, as `f` lines or rows of a text PLY or OFF file."""
     points = [(x + 9 * n, y, 0.5 * x) for n, outline in enumerate(outlines) for x, y in outline]
     ends = np.cumsum([len(outline) for outline in outlines])
     faces = [range(end - len(outline), end) for end, outline in zip(ends, outlines, strict=True)]
@@ -1266,6 +1266,9 @@ def write_polygons(path, outlines):
     if path.suffix == ".obj":
         lines = ["v " + row for row in rows]
         lines += ["f " + " ".join(str(v + 1) for v in face) for face in faces]
+    elif path.suffix == ".off":
+        lines = [f"OFF {len(rows)} {len(faces)} 0", *rows]
+        lines += [" ".join(map(str, [len(face), *face])) for face in faces]
     else:
         lines = ["ply", "format ascii 1.0", f"element vertex {len(rows)}"]
         lines += [f"property float {axis}" for axis in "xyz"]
@@ -1287,6 +1290,32 @@ def test_concave_polygons_have_no_flipped_triangles(tmp_path, ending, turn):
     assert (areas > 0).all()
     assert areas.sum() == pytest.approx(8 + 1 + 3 + 1 + 0.5)
     assert len(areas) == 10 + 2 + 4 + 2 + 1
+
+
+@pytest.mark.parametrize("ending", [".glb", ".stl", ".ply", ".off", ".obj"])
+@pytest.mark.parametrize("source", ["in.obj", "in.ply", "in.off"])
+def test_conversions_cut_concave_polygons_along_their_shape(tmp_path, source, ending):
+    if ending in IN_PLACE and source.endswith(ending):
+        pytest.skip("keeps its polygons")
+    outlines = [np.roll(outline, 1, axis=0) for outline in (COMB, DART, L_SHAPE, DART)]
+    write_polygons(tmp_path / source, [*outlines, [(0, 0), (1, 0), (1, 1), (0, 1)]])
+    sharpen_file(tmp_path / source, tmp_path / f"out{ending}", STILL)
+    written = trimesh.load(tmp_path / f"out{ending}", force="mesh", process=False)
+    a, b, c = np.moveaxis(written.triangles, 1, 0)
+    areas = 0.5 * np.cross(b - a, c - a)[:, 2]
+    assert (areas > 0).all()
+    assert areas.sum() == pytest.approx(8 + 1 + 3 + 1 + 1)
+    assert len(areas) == 10 + 2 + 4 + 2 + 2
+
+
+def test_conversions_of_concave_polygons_keep_their_coordinates(tmp_path):
+    points = "".join(f"v {x} {y} 0\nvt {x / 4} {y / 4}\n" for x, y in L_SHAPE)
+    text = f"{points}vn 0 0 1\nf 3/3/1 4/4/1 5/5/1 6/6/1 \\\n1/1/1 2/2/1\n"
+    (tmp_path / "in.obj").write_text(text)
+    sharpen_file(tmp_path / "in.obj", tmp_path / "out.glb", STILL)
+    mesh = trimesh.load(tmp_path / "out.glb", force="mesh", process=False)
+    assert mesh.area == pytest.approx(3) and len(mesh.faces) == 4
+    np.testing.assert_allclose(mesh.visual.uv, mesh.vertices[:, :2] / 4, atol=1e-6)
 
 
 @pytest.mark.parametrize("ending", [".obj", ".ply"])

@@ -42,6 +42,7 @@ _PARTS = {
     b"map_ks": "gloss",
     b"map_d": OPACITY,
 }
+_POLYGON = re.compile(rb"^f(?:[ \t]+[^\s#]+){4}", re.MULTILINE)
 _NEUTRAL = {b"-s": 1.0, b"-o": 0.0, b"-t": 0.0}
 
 
@@ -317,6 +318,40 @@ def look_through(path: Path) -> tuple[int, Floats]:
     vertices = [line for line in lines if line[:2] in (b"v ", b"v\t")]
     count = sum(line[:2] in (b"f ", b"f\t") for line in lines)
     return count, np.loadtxt(vertices, usecols=(1, 2, 3), ndmin=2)
+
+
+def with_concave_cut(text: bytes) -> bytes:
+    """The text of an OBJ file whose concave polygons are triangles, for readers that make fans.
+
+    Polygons that stay fans (see `without_flips`), and what else is in the file, stay as they are.
+    """
+    whole = re.sub(rb"\\\r?\n", b"", text)
+    if not _POLYGON.search(whole):
+        return text
+    lines = whole.splitlines(keepends=True)
+    rows: list[list[float]] = []
+    corners: list[int] = []
+    polygons: list[tuple[int, list[bytes]]] = []  # numbers of lines, and words
+    for number, line in enumerate(lines):
+        if line[:2] in (b"v ", b"v\t"):
+            rows.append([float(word) for word in line.split()[1:4]])
+        elif line[:2] in (b"f ", b"f\t") and _POLYGON.match(line):
+            words = line.partition(b"#")[0].split()[1:]
+            polygons.append((number, words))
+            places = [int(word.partition(b"/")[0]) for word in words]
+            corners += [place + len(rows) if place < 0 else place - 1 for place in places]
+    points, vertices = np.array(rows).reshape(-1, 3), np.array(corners, dtype=np.int64)
+    if vertices.min() < 0 or vertices.max() >= len(points):
+        return text  # refused by whoever reads them
+    plain, owners = fans(np.array([len(words) for _, words in polygons]))
+    cut = without_flips(points[vertices], plain, owners)
+    tokens = np.array([word for _, words in polygons for word in words], dtype=object)
+    changed = np.unique(owners[(cut != plain).any(axis=1)])
+    starts, stops = (np.searchsorted(owners, changed, side) for side in ("left", "right"))
+    for owner, start, stop in zip(changed, starts, stops, strict=True):
+        rewritten = [b"f %b %b %b\n" % tuple(each) for each in tokens[cut[start:stop]]]
+        lines[polygons[owner][0]] = b"".join(rewritten)
+    return b"".join(lines) if len(changed) else text
 
 
 def material_files(folder: Path, lines: list[bytes]) -> list[str]:

@@ -22,8 +22,8 @@ from ...side_files import Resolver
 from ...staging import within
 from .contents import REPLACED, contents, polygon_count
 from .gltf_tree import densified, read_tree
-from .obj import look_through, material_files
-from .polygons import without_flips
+from .obj import look_through, material_files, with_concave_cut
+from .polygons import fans, without_flips
 
 ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 
@@ -55,6 +55,10 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
     resolver = Resolver(path, known)
     if ending == "obj":
         known |= _libraries(path, resolver)
+    if ending in ("obj", "off"):
+        text = path.read_bytes() if data is None else data
+        cut = _as_triangles(text) if ending == "off" else with_concave_cut(text)
+        file = file if cut is text else io.BytesIO(cut)
     options |= {"resolver": resolver, "file_type": ending}
     scene = trimesh.load_scene(file, process=False, **options)
     for mesh in scene.geometry.values():
@@ -91,6 +95,25 @@ def _cut_concave(mesh: Any) -> None:
     changed = (new != old).any(axis=1)
     if changed.any():
         mesh.faces = np.where(changed[:, None], new, mesh.faces)
+
+
+def _as_triangles(text: bytes) -> bytes:
+    """An OFF file whose polygons are triangles, as trimesh reads none of more than four corners."""
+    lines = [line.partition(b"#")[0] for line in text.splitlines()]
+    words = re.split(rb"C?OFF", b"\n".join(lines), maxsplit=1)[-1].splitlines()
+    rows = [line.split() for line in words if line.strip()]
+    count, face_count = int(rows[0][0]), int(rows[0][1])
+    faces = [row[1 : int(row[0]) + 1] for row in rows[1 + count : 1 + count + face_count]]
+    if all(len(face) == 3 for face in faces):
+        return text
+    points = np.array([row[:3] for row in rows[1 : 1 + count]], dtype=np.float64)
+    corners = np.array([word for face in faces for word in face], dtype=np.int64)
+    cut, owners = fans(np.array([len(face) for face in faces]))
+    triangles = without_flips(points, corners[cut], owners)
+    header = f"OFF\n{count} {len(triangles)} 0\n".encode()
+    table = [b" ".join(row[:3]) for row in rows[1 : 1 + count]]
+    table += [b"3 %d %d %d" % tuple(triangle) for triangle in triangles]
+    return header + b"\n".join(table) + b"\n"
 
 
 def _libraries(path: Path, resolver: Resolver) -> dict[str, bytes]:
