@@ -22,6 +22,9 @@ _LEAF = 8
 _CHUNK = 1 << 12
 """Places at once."""
 
+_PATIENCE = 8
+"""Times as many points as there are that are compared with pivots before their choice changes."""
+
 _DEEPEST = 64
 """Nodes that wait on the way down, at most: one a level."""
 
@@ -162,9 +165,19 @@ def _split(start, stop, level, tree):
 
 @kernel
 def _part(points, numbers, axis, low, high, middle):
-    # Hoare's selection: no coordinate before `middle` is greater, and none after it is less.
+    # Hoare's selection: no coordinate before `middle` is greater, and none after it is less. If
+    # pivots from the ends and the middle are bad again and again, they come from scattered places,
+    # as otherwise the time would grow with the square of the number of points in some orders.
+    most = _PATIENCE * (high - low + 1)
+    scatter = 0
     while low < high:
-        a, b, c = points[low, axis], points[(low + high) >> 1, axis], points[high, axis]
+        one, two, three = low, (low + high) >> 1, high
+        most -= high - low
+        if most < 0:
+            one, scatter = _scattered(low, high, scatter)
+            two, scatter = _scattered(low, high, scatter)
+            three, scatter = _scattered(low, high, scatter)
+        a, b, c = points[one, axis], points[two, axis], points[three, axis]
         pivot = max(min(a, b), min(max(a, b), c))
         i, j = low, high
         while i <= j:
@@ -184,6 +197,13 @@ def _part(points, numbers, axis, low, high, middle):
             low = i
         else:
             break
+
+
+@kernel
+def _scattered(low, high, state):
+    # A place from `low` to `high`, and the next state; Weyl's sequence of the golden ratio.
+    state = (state + 0x9E3779B9) & 0xFFFFFFFF
+    return low + ((state * (high - low + 1)) >> 32), state
 
 
 @kernel

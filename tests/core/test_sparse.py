@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Own sparse matrices, graphs and searches, beside those of scipy."""
 
+import time
+
 import numpy as np
 import pytest
 import scipy.ndimage
@@ -96,6 +98,38 @@ def test_many_points_in_one_place_are_found_quickly():
     points = np.zeros((100_000, 3))
     # If each looked at all others, that would be 1e10 steps.
     assert not nearest_point(point_tree(points), points)[1].any()
+
+
+def bad_order(count):
+    """Numbers of which the ends and the middle tell little: each choice would part off two."""
+    place = np.arange(count)
+    values = np.full(count, count)
+    for low in range(0, count // 2, 2):
+        values[place[[low, -1]]] = low, low + 1
+        place[[low + 1, -1]] = place[[-1, low + 1]]
+    return values
+
+
+def test_points_in_no_order_take_much_longer_than_in_others():
+    times = []
+    for values in (np.random.default_rng(1).permutation(200_000), bad_order(200_000)):
+        points = np.zeros((len(values), 3))
+        points[:, 1] = values
+        point_tree(points[:99])
+        start = time.process_time()
+        tree = point_tree(points)
+        times.append(time.process_time() - start)
+        distances, numbers = nearest_point(tree, points[::1000])
+        assert not distances.any() and (points[numbers] == points[::1000]).all()
+    # If each choice parted off two, that would be 1e10 steps: a hundred times as long.
+    assert times[1] < 10 * times[0]
+
+
+def test_a_tree_of_points_asks_whether_to_go_on():
+    asked = []
+    with pytest.raises(Cancelled), reporting(lambda *_: asked.append(1) or len(asked) < 4):
+        point_tree(np.random.default_rng(2).random((10_000, 3)))
+    assert len(asked) == 4
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.1, 1.0])
