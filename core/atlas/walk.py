@@ -120,7 +120,9 @@ def walk_across_seams(
 
     Where both sides of a seam flow into it, a walk of the shock filter ends, also if it crosses the
     seam at a slant again and again; one along a given flow moves back and forth within a texel, and
-    so along the seam, while time is left.
+    so along the seam, while time is left. As each chart reads its own texels beside a seam, a walk
+    of the shock filter may also come back to the same place over two seams or more; it goes round
+    while time is left, and ends there if time is infinite.
 
     Parameters
     ----------
@@ -147,10 +149,20 @@ def walk_across_seams(
     place, left, vy, vx, ending = walked
     store(rotation, 1.0, 0.0, 0.0, 1.0)
     short = 0
-    for _ in range(most_seams):
+    known_edge, known, known_vy, known_vx = -1, place, vy, vx
+    returns = False
+    for number in range(most_seams):
         edge = seam_crossed(sheet.nodes, sheet.ghost_edges, place, ending)
         if edge < 0 or metric.ways.twins[edge // 3, edge % 3] < 0:
             return place, ENDED
+        # Places are remembered after 1, 2, 4... seams, so that circles of any length are found
+        # (Brent 1980).
+        if edge == known_edge and place == known and vy == known_vy and vx == known_vx:
+            returns = vectors is None
+            if returns and left == np.inf:
+                return place, ENDED
+        if number & (number - 1) == 0:
+            known_edge, known, known_vy, known_vx = edge, place, vy, vx
         # Start slightly before the line: if the charts' texels are aligned, the walk crosses it
         # there just as inside a chart.
         speed = abs(vy) + abs(vx)
@@ -185,7 +197,7 @@ def walk_across_seams(
         short = short + 1 if away < _SHORT else 0
         if vectors is None and short > _MOST_SHORT:
             return place, ENDED
-    return place, UNFINISHED
+    return place, ENDED if returns else UNFINISHED
 
 
 @kernel

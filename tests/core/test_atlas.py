@@ -422,6 +422,17 @@ def test_faces_without_area_in_space_end_the_surface():
         assert image.min() <= out.min() <= out.max() <= image.max()
 
 
+@pytest.mark.parametrize(("seed", "angle"), [(19, 0.3), (24, 0.11), (27, None)])
+def test_walks_that_go_round_over_seams_end(seed, angle, caplog):
+    # Walks come back to the same place over two seams, as each chart reads its own texels.
+    blocks = Blocks(np.zeros((64, 64, 3), dtype=np.float32), angle=angle)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    shape = (blocks.width, blocks.width, 3)
+    image = np.random.default_rng(seed).random(shape).astype(np.float32)
+    core.sharpen_texture(mesh, blocks.uv, image, core.TextureSettings(time=np.inf))
+    assert not caplog.records
+
+
 @pytest.mark.parametrize("texels", [1.0, 2.0, 3.0])
 def test_nothing_beside_charts_as_thin_as_texels_gets_in(texels):
     mesh = core.TriangleMesh(*icosphere(2))
