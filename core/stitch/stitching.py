@@ -112,8 +112,9 @@ def stitch_textures(
     Returns
     -------
     array like the first image
-        Unknown texels are filled smoothly. Opacity is the largest of the images. The gutter around
-        the charts is filled anew, whatever the images hold there.
+        Unknown texels are filled smoothly; parts of the surface of which nothing is known at all
+        keep the first image. Opacity is the largest of the images. The gutter around the charts is
+        filled anew, whatever the images hold there.
 
     Raises
     ------
@@ -186,6 +187,8 @@ def stitch_textures(
                 column[: opacity.size, 0] = opacity.reshape(-1)
                 stitched = np.insert(stitched, [alpha], column, axis=1)
             sheet_values(space, stitched, result)
+            unknown = _unknown_parts(space, sources)
+            result[unknown] = values[unknown]
             if texture.unit:
                 run(unit_normals, len(result), result, chunk=ROWS)
             mix_texels(texture.atlas, values, 1.0, weights, result)
@@ -193,6 +196,16 @@ def stitch_textures(
             # Opacity may rise.
             out = written(texture._replace(alpha=-1), result, settings, keep)
             return out.reshape(given.shape)
+
+
+def _unknown_parts(space: TextureSpace, sources: list[_Source]) -> npt.NDArray[np.bool_]:
+    # (rows, columns): connected parts of the surface in which no source knows any texel.
+    parts = space.components[: space.labels.size]
+    unknown = np.ones(int(parts.max(initial=-1)) + 2, dtype=np.bool_)
+    unknown[-1] = False  # beside the charts
+    for source in sources:
+        unknown[parts[source.confidence[: len(parts)] > 0]] = False
+    return unknown[parts].reshape(space.labels.shape)
 
 
 def _stitched(

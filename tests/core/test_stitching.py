@@ -227,6 +227,32 @@ def test_what_nobody_knows_takes_the_color_around_it(angle, where):
     assert np.abs(found - 0.7)[inside].max() < 2e-3
 
 
+@pytest.mark.parametrize("even_out", ["brightness", "difference", "auto"])
+@pytest.mark.parametrize("where", ["everywhere", "seams"])
+@pytest.mark.parametrize("as_opacity", [False, True])
+def test_parts_of_which_nothing_is_known_stay(even_out, where, as_opacity):
+    # Two squares that share no point; of the second, nothing is known.
+    vertices, faces = grid(1, 1)
+    mesh = core.TriangleMesh(
+        np.concatenate([24 * vertices, 24 * vertices + 99.0]), np.concatenate([faces, faces + 4])
+    )
+    half = 0.45 * vertices[faces][..., :2] + 0.025
+    uv = np.concatenate([half * [1.0, 2.0], half * [1.0, 2.0] + [0.5, 0.0]])
+    image = np.tile(np.linspace(0.3, 0.6, 64), (64, 1))[..., None]
+    image = np.concatenate([image, image**2, 0 * image + 1.0], axis=-1).astype(np.float32)
+    known = np.tile(np.arange(64) < 32, (64, 1)).astype(np.float32)
+    settings = core.StitchSettings(even_out=even_out, where=where)
+    if as_opacity:
+        found = core.stitch_textures(mesh, uv, np.dstack([image, known]), settings)[..., :3]
+    else:
+        found = core.stitch_textures(mesh, uv, image, settings, confidences=[known])
+    inside = core.TextureAtlas(mesh, uv, size=(64, 64)).inside
+    assert inside[:, 32:].any()
+    np.testing.assert_allclose(found[inside], image[inside], atol=1e-3)
+    other = inside & (known == 0)
+    np.testing.assert_array_equal(found[other], image[other])
+
+
 def test_a_mask_keeps_the_first_picture():
     mesh, uv = plain()
     image = picture(32)
