@@ -32,10 +32,13 @@ _ASIDE = {"command", "inputs", "output", "overwrite", "quiet", "cluster", "resum
 def fingerprint(source: str, options: argparse.Namespace) -> str:
     """Digest everything an output is made from: version, command, flags, and the current files.
 
-    Files are identified by name, size and time, without further files that a mesh names.
+    Files are identified by name, size and time, also those beside a model that it names.
     """
+    from ..files.formats.mesh.contents import side_files
+
     given = {name: value for name, value in sorted(whole(options).items()) if name not in _ASIDE}
-    read = [os.path.abspath(source), *files_named(given.values())]
+    place = os.path.abspath(source)
+    read = [place, *map(str, side_files(Path(place))), *files_named(given.values())]
     states = [(name, _state(Path(name))) for name in read]
     return _digest((__version__, options.command.command, given, states))
 

@@ -12,6 +12,7 @@ from PIL import Image
 from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.files import baking, models
+from shock_filter.core.files.formats.mesh.contents import side_files
 from shock_filter.core.files.formats.mesh.gltf import GltfFile
 from shock_filter.core.files.formats.mesh.obj import ObjFile
 from shock_filter.core.settings import ModelSettings
@@ -319,6 +320,33 @@ def test_nothing_is_filled_without_a_map_of_colors(tmp_path, capsys):
     assert "no map of colors" in "".join(capsys.readouterr())
     found, _ = images_of(tmp_path / "out.glb")
     assert (found["emission"][unseen_texels_of(blocks, pixels)] == 0).all()
+
+
+def test_resuming_sees_that_an_image_beside_the_model_was_edited(tmp_path):
+    blocks = model()
+    source = write_obj(tmp_path, blocks, picture(blocks))
+
+    def made():
+        assert repair(source, tmp_path / "out.obj", "--stitch", "nothing", "--resume") == 0
+        return {path.name: path.read_bytes() for path in tmp_path.glob("out.obj*.png")}
+
+    first = made()
+    assert first and made() == first
+    (tmp_path / "tex.png").write_bytes(png(255 - picture(blocks)))
+    assert made() != first
+
+
+def test_files_beside_a_model_are_those_that_it_names(tmp_path):
+    write_obj(tmp_path, model(), picture(model()))
+    (tmp_path / "in.bin").write_bytes(b"1234")
+    tree = {"buffers": [{"uri": "in.bin"}, {}], "images": [{"uri": "te%78.png"}, {"uri": "no.png"}]}
+    (tmp_path / "in.gltf").write_text(json.dumps(tree))
+    for name, found in (("in.obj", ["m.mtl", "tex.png"]), ("in.gltf", ["in.bin", "tex.png"])):
+        assert [path.name for path in side_files(tmp_path / name)] == found
+    for broken in (b"", b"\xff{", b"[]", b'{"images": [1]}', b'{"images": [{"uri": 2}]}'):
+        (tmp_path / "in.gltf").write_bytes(broken)
+        assert side_files(tmp_path / "in.gltf") == []
+    assert side_files(tmp_path / "tex.png") == side_files(tmp_path / "missing.obj") == []
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...side_files import find
+from . import gltf_tree, obj
 from .gltf_tree import chunk_name, glb_chunks, read_tree
 from .obj import material_files
 
@@ -42,6 +43,21 @@ def contents(path: Path) -> set[str]:
     data = path.read_bytes()
     readers = {".obj": _of_obj, ".ply": _of_ply, ".stl": _of_stl, ".off": _of_off}
     return set(readers[path.suffix.lower()](path, data))
+
+
+def side_files(path: Path) -> list[Path]:
+    """The files beside a mesh file that it names: materials, images, buffers.
+
+    Of files that cannot be read, and of other formats, there are none.
+    """
+    readers = {".obj": obj.side_files, ".glb": gltf_tree.side_files, ".gltf": gltf_tree.side_files}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        return []
+    try:
+        return sorted(set(reader(path)))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return []  # whoever reads it says what is wrong
 
 
 def polygon_count(path: Path) -> int | None:

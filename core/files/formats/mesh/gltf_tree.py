@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from ....errors import ShockError
 from ...reading import check_claim
-from ...side_files import located, read
+from ...side_files import find, located, read
 
 Tree = dict[str, Any]
 
@@ -68,6 +68,17 @@ def read_tree(path: Path) -> tuple[Tree, list[bytearray]]:
     check_claim(path, sum(_LARGEST_ENTRY * each["count"] for each in unstored))
     check.meshes(tree, buffers)
     return tree, buffers
+
+
+def side_files(path: Path) -> list[Path]:
+    """The buffers and images beside a file that it names, as far as they are there."""
+    data = path.read_bytes()
+    chunks = dict(reversed(glb_chunks(data))) if data.startswith(b"glTF") else {_JSON: data}
+    tree = json.loads(chunks[_JSON])
+    entries = [*tree.get("buffers", []), *tree.get("images", [])]
+    uris = [uri for entry in entries if not (uri := entry.get("uri", INSIDE)).startswith(INSIDE)]
+    places = [find(path.parent, unquote(uri)) for uri in uris]
+    return [place for place in places if place is not None]
 
 
 def _read_buffers(path: Path, tree: Tree, binary: bytes, check: _Check) -> list[bytearray]:

@@ -29,6 +29,7 @@ from .polygons import fans, without_flips
 
 _LARGEST_LIBRARY = 1 << 26  # bytes of a material file, which holds no images
 _LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
+_LIBRARY_LINES = re.compile(rb"^[ \t]*mtllib[ \t][^\r\n]*", re.IGNORECASE | re.MULTILINE)
 _IMAGES = re.compile(rb"\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(\S.*)", re.IGNORECASE)
 _PARTS = {
     b"map_kd": COLOR,
@@ -357,6 +358,19 @@ def with_concave_cut(text: bytes) -> bytes:
 def material_files(folder: Path, lines: list[bytes]) -> list[str]:
     """Names of the material files in the lines of an OBJ file."""
     return _named_files(folder, lines, _LIBRARIES)
+
+
+def side_files(path: Path) -> list[Path]:
+    """The material files of an OBJ file, and the images that these name, where they are there."""
+    text = re.sub(rb"\\\r?\n", b"", path.read_bytes())
+    libraries = material_files(path.parent, [match[0] for match in _LIBRARY_LINES.finditer(text)])
+    found = [each for name in libraries if (each := _library(path.parent, name)) is not None]
+    images = [
+        find(path.parent, name)
+        for library in found
+        for name in _named_files(path.parent, library.read_bytes().splitlines(), _IMAGES)
+    ]
+    return [*found, *(image for image in images if image is not None)]
 
 
 def _library(folder: Path, name: str) -> Path | None:
