@@ -19,6 +19,7 @@ from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.color.image_sharpening import measure_image
 from shock_filter.core.files.formats.image.pillow import read_pillow
+from shock_filter.core.files.image_formats import read_pixels
 from shock_filter.core.files.images import filter_image_file
 
 STILL = core.ImageSettings(time=0)
@@ -705,3 +706,17 @@ def test_an_image_to_measure_in_that_is_missing_is_named(capsys):
     assert cli.main(words) != 0
     assert "none.png" in capsys.readouterr().err
     assert not Path("out.png").exists()
+
+
+@pytest.mark.parametrize("shape", [(0, 4), (4, 0, 3), (0, 0, 3), (4, 4, 0)])
+def test_images_without_pixels_are_refused(shape):
+    np.save("in.npy", np.zeros(shape, dtype=np.uint8))
+    with pytest.raises(core.ShockError, match=r"has the shape .*; give \(h, w\)"):
+        read_pixels("in.npy", any_size=False)
+
+
+@pytest.mark.parametrize("name", ["in.png", "in.jpg", "in.tif", "in.exr", "in.npy"])
+def test_files_without_bytes_are_refused(name):
+    Path(name).write_bytes(b"")
+    with pytest.raises(core.ShockError, match="is empty; copy or save it again"):
+        read_pixels(name, any_size=False)
