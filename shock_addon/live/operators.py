@@ -62,7 +62,7 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
     def _update(self, plan: _Plan, how: str) -> set[str]:
         done = 0
         made: list[updating.Step] = []
-        limited = [obj.name for obj, steps in plan if any(map(_is_limited, steps))]
+        limited = []
         for obj, steps in plan:
             ended: set[str] = set()
             left = [step for step in steps if not any(each.does(step) for each in made)]
@@ -71,9 +71,11 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
                     is_last = obj == plan[-1][0]
                     ended = updating.run_each(obj, left, how, is_last, ended=made.append)
                     done += ended != {"CANCELLED"}
+                    if ended != {"CANCELLED"} and any(map(_is_limited, left)):
+                        limited.append(obj.name)
             except RuntimeError as error:
                 self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
-        if done and limited:
+        if limited:
             text = pgettext_rpt(_WHOLE).format(names=listed(limited))
             self.report({"WARNING"}, text)
         if done and ended.isdisjoint({"FINISHED", "RUNNING_MODAL"}):  # it has added no step of undo

@@ -110,7 +110,7 @@ def bad_order(count):
     return values
 
 
-def test_points_in_no_order_take_much_longer_than_in_others():
+def test_no_order_of_points_takes_much_longer_than_others():
     times = []
     for values in (np.random.default_rng(1).permutation(200_000), bad_order(200_000)):
         points = np.zeros((len(values), 3))

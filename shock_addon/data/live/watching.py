@@ -60,8 +60,9 @@ def note(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
             copy = _object(uid)
             source = None if copy is None else live_source(copy)
             _copies[uid] = set() if source is None else dependencies(source)
-    for uid in list(_doubtful):
-        _compare(uid, graph)
+    if graph.mode == "VIEWPORT":
+        for uid in list(_doubtful):
+            _compare(uid, graph)
 
 
 def doubt() -> None:
@@ -75,13 +76,14 @@ def doubt() -> None:
 
 def note_updated(obj: bpy.types.Object) -> None:
     """Take a copy as up to date."""
+    graph = bpy.context.evaluated_depsgraph_get()  # which calls `note` with what waits
     _changed.pop(obj.session_uid, None)
     obj.pop(CHANGED, None)
     _states.clear()
     source = live_source(obj)
     if source is not None:
         _copies[obj.session_uid] = dependencies(source)
-        obj[SEEN] = _seen(source, bpy.context.evaluated_depsgraph_get())
+        obj[SEEN] = _seen(source, graph)
 
 
 def has_changed(obj: bpy.types.Object) -> bool:
@@ -204,7 +206,7 @@ def _compare(uid: int, graph: bpy.types.Depsgraph) -> None:
     global changed_at
     copy = _object(uid)
     source = None if copy is None else live_source(copy)
-    if copy is None or source is None or not copy.get(SEEN) or _is_masked(copy):
+    if copy is None or source is None or not copy.get(SEEN):
         _doubtful.discard(uid)
         return
     seen = _seen(source, graph)
@@ -213,7 +215,8 @@ def _compare(uid: int, graph: bpy.types.Depsgraph) -> None:
     _doubtful.discard(uid)
     _states.clear()
     if seen == copy[SEEN]:
-        _changed.pop(uid, None)
+        if not _is_masked(copy):
+            _changed.pop(uid, None)
     elif uid not in _changed:
         _changed[uid] = changed_at = time.monotonic()
 

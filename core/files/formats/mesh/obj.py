@@ -43,6 +43,7 @@ _PARTS = {
     b"map_ks": "gloss",
     b"map_d": OPACITY,
 }
+_AFTER_VERTEX = re.compile(rb"/\S*")
 _POLYGON = re.compile(rb"^f(?:[ \t]+[^\s#]+){4}", re.MULTILINE)
 _NEUTRAL = {b"-s": 1.0, b"-o": 0.0, b"-t": 0.0}
 
@@ -330,28 +331,32 @@ def with_concave_cut(text: bytes) -> bytes:
     if not _POLYGON.search(whole):
         return text
     lines = whole.splitlines(keepends=True)
-    rows: list[list[float]] = []
-    corners: list[int] = []
-    polygons: list[tuple[int, list[bytes]]] = []  # numbers of lines, and words
+    rows: list[bytes] = []
+    polygons: list[int] = []  # numbers of their lines
+    known: list[int] = []  # how many vertices there are before each
     for number, line in enumerate(lines):
         if line[:2] in (b"v ", b"v\t"):
-            rows.append([float(word) for word in line.split()[1:4]])
+            rows.append(line)
         elif line[:2] in (b"f ", b"f\t") and _POLYGON.match(line):
-            words = line.partition(b"#")[0].split()[1:]
-            polygons.append((number, words))
-            places = [int(word.partition(b"/")[0]) for word in words]
-            corners += [place + len(rows) if place < 0 else place - 1 for place in places]
-    points, vertices = np.array(rows).reshape(-1, 3), np.array(corners, dtype=np.int64)
+            polygons.append(number)
+            known.append(len(rows))
+    points = np.loadtxt(rows, usecols=(1, 2, 3), ndmin=2)
+    words = [lines[number].partition(b"#")[0].split()[1:] for number in polygons]
+    sizes = np.array([len(each) for each in words])
+    every = b" ".join([word for each in words for word in each])
+    corners = np.array(_AFTER_VERTEX.sub(b"", every).split(), dtype=np.int64)
+    vertices = np.where(corners < 0, corners + np.repeat(known, sizes), corners - 1)
     if vertices.min() < 0 or vertices.max() >= len(points):
         return text  # refused by whoever reads them
-    plain, owners = fans(np.array([len(words) for _, words in polygons]))
+    plain, owners = fans(sizes)
     cut = without_flips(points[vertices], plain, owners)
-    tokens = np.array([word for _, words in polygons for word in words], dtype=object)
     changed = np.unique(owners[(cut != plain).any(axis=1)])
+    begin = np.concatenate([[0], np.cumsum(sizes)])
     starts, stops = (np.searchsorted(owners, changed, side) for side in ("left", "right"))
     for owner, start, stop in zip(changed, starts, stops, strict=True):
-        rewritten = [b"f %b %b %b\n" % tuple(each) for each in tokens[cut[start:stop]]]
-        lines[polygons[owner][0]] = b"".join(rewritten)
+        triangles = cut[start:stop] - begin[owner]
+        rewritten = [b"f %b %b %b\n" % tuple(words[owner][k] for k in each) for each in triangles]
+        lines[polygons[owner]] = b"".join(rewritten)
     return b"".join(lines) if len(changed) else text
 
 

@@ -102,6 +102,8 @@ def _as_triangles(text: bytes) -> bytes:
     lines = [line.partition(b"#")[0] for line in text.splitlines()]
     words = re.split(rb"C?OFF", b"\n".join(lines), maxsplit=1)[-1].splitlines()
     rows = [line.split() for line in words if line.strip()]
+    if not rows or len(rows[0]) < 2 or len(rows) <= sum(map(int, rows[0][:2])):
+        raise ValueError("an OFF file that ends too early")
     count, face_count = int(rows[0][0]), int(rows[0][1])
     faces = [row[1 : int(row[0]) + 1] for row in rows[1 + count : 1 + count + face_count]]
     if all(len(face) == 3 for face in faces):
