@@ -15,6 +15,7 @@ from denoise_distances import distances, flow
 from denoise_images import betas, images, kernels, manifold
 from denoise_kinds import speed_of_kinds
 from denoise_meshes import meshes, noise
+from denoise_models import models
 from denoise_pictures import draw_scans, joint, painted, pictures
 from denoise_published import published
 from denoise_speed import speed
@@ -35,6 +36,7 @@ SECTIONS = {
     "noise": noise,
     "scans": scans,
     "published": published,
+    "models": models,
     "bumps": bumps,
     "pictures": pictures,
     "painted": painted,

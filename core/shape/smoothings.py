@@ -232,6 +232,14 @@ def with_creases(mesh: TriangleMesh, normals: Floats, keep: float) -> Floats:
     return _between(field, other, abs(2.0 * keep - 1.0))[:, :3].astype(np.float64)
 
 
+def average_around(mesh: TriangleMesh, values: npt.NDArray[np.floating]) -> Singles:
+    """Means of the values of the faces around each vertex, large or small: (m, d) -> (n, d)."""
+    out = np.empty((mesh.vertex_count, values.shape[1]), dtype=np.float32)
+    singles = values.astype(np.float32, copy=False)
+    run(_average_to_vertices, mesh.vertex_count, *mesh.corners, singles, out)
+    return out
+
+
 def _averaged(
     faces: _Faces, field: Singles, guide: Singles | None, spread: float, passes: float
 ) -> Singles:
@@ -258,8 +266,7 @@ def _squares(one: Singles, other: Singles) -> Singles:
 
 def _regional(mesh: TriangleMesh, signal: Singles, size: float) -> Floats:
     # Means of values of faces over cells of a size in mean edge lengths.
-    values = np.empty((mesh.vertex_count, signal.shape[1]), dtype=np.float32)
-    run(_average_to_vertices, mesh.vertex_count, *mesh.corners, signal, values)
+    values = average_around(mesh, signal)
     used = np.flatnonzero(np.diff(mesh.corners[0]) > 0)
     out = np.zeros(values.shape)
     cells = MeansAround(mesh.scaled_vertices[used], values[used].astype(np.float64), size)

@@ -11,6 +11,7 @@ from shock_filter.core.mesh import order
 from shock_filter.core.mesh.calculus import average_to_vertices, smooth_vertices
 from shock_filter.core.mixture.choice import pair_count
 from shock_filter.core.mixture.network import load
+from shock_filter.core.shape import learned
 from shock_filter.core.shape.learned import STAGES, WEIGHTS, found_in_stage, networks
 from shock_filter.core.shape.smoothings import (
     DEFINITION,
@@ -219,6 +220,27 @@ def test_half_of_a_mesh_that_is_spoilt_leaves_the_other_half():
 def test_clean_meshes_stay_bit_for_bit(shape):
     mesh = core.TriangleMesh(*shape)
     assert np.array_equal(core.denoise_geometry(mesh), mesh.vertices)
+
+
+@pytest.mark.parametrize("thickness", [0.02, 0.002])
+def test_thin_plates_stay(thickness):
+    # Their sides are long thin faces, whose normals no fit meets after the vertices have moved.
+    vertices, faces = cube(6)
+    mesh = core.TriangleMesh(vertices * (1.0, 1.1, thickness) @ rotation(3).T, faces)
+    assert angles(denoised(mesh).normals, mesh.normals).mean() < 0.5
+
+
+def test_displacements_go_back_where_the_given_normals_are_nearer():
+    mesh, rng = rough_sheet(), np.random.default_rng(1)
+    moved = 0.2 * rng.normal(size=mesh.vertices.shape)
+    there = mesh.moved_to(mesh.vertices + moved).normals
+    assert np.array_equal(learned._nearer(mesh, moved, there), moved)
+    assert not learned._nearer(mesh, moved, mesh.normals).any()
+    left = mesh.vertices[mesh.faces][:, :, 0].max(axis=1) < 5.5
+    mixed = learned._nearer(mesh, moved, np.where(left[:, None], there, mesh.normals))
+    x = mesh.vertices[:, 0]
+    assert np.array_equal(mixed[x < 2.5], moved[x < 2.5])
+    assert not mixed[x > 8.5].any()
 
 
 def test_relief_of_ten_edges_a_wave_stays():
