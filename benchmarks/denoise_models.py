@@ -29,6 +29,9 @@ NOISE = 0.1, 0.3
 SHOWN = 2.0
 """Degrees from which a clean model counts as changed."""
 
+NAMED = 6
+"""How many of each folder, those that turn most, are named."""
+
 
 def models(job: common.Job) -> None:
     """How far clean models turn, and how near noisy ones come; mean angles over faces."""
@@ -36,16 +39,16 @@ def models(job: common.Job) -> None:
         return
     rows, worst = [], []
     for folder in sorted(path for path in (job.data / "models").glob("*") if path.is_dir()):
-        found = {path.name: mesh for path in _paths(folder) if (mesh := _model(path)) is not None}
-        turned = {name: _left(mesh, mesh) for name, mesh in found.items()}
-        worst += sorted(((off, name) for name, off in turned.items()), reverse=True)[:6]
+        found = {path: mesh for path in _paths(folder) if (mesh := _model(path)) is not None}
+        turned = {path: _left(mesh, mesh) for path, mesh in found.items()}
+        worst += sorted(((off, path.name) for path, off in turned.items()), reverse=True)[:NAMED]
         off = np.array(list(turned.values()))
         row = [folder.name, str(len(off)), f"{off.mean():.2f}", str((off > SHOWN).sum())]
         large = [mesh for mesh in found.values() if mesh.face_count >= FEWEST_WITH_NOISE]
         rng = np.random.default_rng(1)
         for amount in NOISE:
-            pairs = [_with_noise(mesh, amount, rng) for mesh in large]
-            row.append(f"{np.mean(pairs, axis=0)[0]:.1f} to {np.mean(pairs, axis=0)[1]:.1f}")
+            pairs = np.array([_with_noise(mesh, amount, rng) for mesh in large])
+            row.append(f"{pairs[:, 0].mean():.1f} to {pairs[:, 1].mean():.1f}" if large else "")
         rows.append(row)
     if not rows:
         raise SystemExit("There are no models: put folders of them into the folder models.")
@@ -54,7 +57,9 @@ def models(job: common.Job) -> None:
         "In degrees, at the default; models count alike. Those of at least"
         f" {FEWEST_WITH_NOISE:,} faces, with noise added:",
         table([*heads, *(f"noise {amount}" for amount in NOISE)], rows),
-        f"Most: {', '.join(f'{name} ({off:.1f})' for off, name in sorted(worst, reverse=True))}.",
+        f"Most, {NAMED} of each: "
+        + ", ".join(f"{name} ({off:.1f})" for off, name in sorted(worst, reverse=True))
+        + ".",
     ]
     job.page.write("models", "\n\n".join(text))
 

@@ -237,7 +237,7 @@ def _mixed_in_stages(
             with phase(0.8, 1.0, _MESSAGE):
                 state.fit(normals, FITS if last else 1, ways.keep_creases if last else 0.5)
         if not state.moved.any():
-            break  # all is clean
+            break  # all is clean, or no move leads nearer
     return state.moved, state.normals
 
 
@@ -426,11 +426,13 @@ def _measure_off(start, stop, places, moved, faces, given, wanted, off):
             (two[0] + v[0], two[1] + v[1], two[2] + v[2]),
         )
         length = max(np.sqrt(dot(n, n)), 1e-300)
-        own = new = 0.0
+        own = new = size = 0.0
         for x in range(3):
             own += (given[f, x] - wanted[f, x]) ** 2
             new += (n[x] / length - wanted[f, x]) ** 2
-        off[f, 0], off[f, 1] = own, new
+            size += given[f, x] ** 2
+        known = 1.0 if size > 0.5 else 0.0  # what has no area has no normal
+        off[f, 0], off[f, 1] = known * own, known * new
 
 
 @kernel

@@ -340,6 +340,8 @@ def with_concave_cut(text: bytes) -> bytes:
         elif line[:2] in (b"f ", b"f\t") and _POLYGON.match(line):
             polygons.append(number)
             known.append(len(rows))
+    if not rows:
+        return text  # refused by whoever reads them
     points = np.loadtxt(rows, usecols=(1, 2, 3), ndmin=2)
     words = [lines[number].partition(b"#")[0].split()[1:] for number in polygons]
     sizes = np.array([len(each) for each in words])
@@ -347,7 +349,7 @@ def with_concave_cut(text: bytes) -> bytes:
     corners = np.array(_AFTER_VERTEX.sub(b"", every).split(), dtype=np.int64)
     vertices = np.where(corners < 0, corners + np.repeat(known, sizes), corners - 1)
     if vertices.min() < 0 or vertices.max() >= len(points):
-        return text  # refused by whoever reads them
+        return text  # as well
     plain, owners = fans(sizes)
     cut = without_flips(points[vertices], plain, owners)
     changed = np.unique(owners[(cut != plain).any(axis=1)])
