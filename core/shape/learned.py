@@ -7,7 +7,7 @@ made solids (`tools/training`), weigh them in three stages. Faces that hardly tu
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from math import ceil
 from pathlib import Path
 from typing import NamedTuple
@@ -33,6 +33,7 @@ from ..mixture.network import Network, Singles, load
 from ..settings import FitSettings
 from .fit import LEAST_WEIGHT, displacement
 from .folds import mended
+from .noise import possible_noise
 from .smoothings import (
     DEFINITION,
     Smoothings,
@@ -293,11 +294,15 @@ def mixed(network: Network, mesh: TriangleMesh, found: Smoothings) -> Floats:
 
 
 def kept_still(mesh: TriangleMesh, normals: Floats, other: Floats | None = None) -> Floats:
-    """Give faces their own normals, bit for bit, where none around turns; else `other` if given."""
+    """Give faces their own normals, bit for bit, where none around turns or there is no noise.
+
+    The rest gets `normals`, or `other` if given.
+    """
     turned = np.empty(mesh.face_count)
     run(_measure_turns, mesh.face_count, mesh.normals, normals, _STILL, turned)
     for _ in range(2):
         turned = greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
+    turned *= kept(mesh, "possible noise", (), partial(possible_noise, mesh))
     out = np.empty_like(normals)
     wanted = normals if other is None else other
     run(_take, mesh.face_count, mesh.normals, wanted, turned, out)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The noise of face normals, and the short-time Beltrami kernel that smooths them."""
+"""The noise of face normals, where there can be none, and the Beltrami kernel that smooths them."""
 
 from __future__ import annotations
+
+from math import log
 
 import numpy as np
 
@@ -11,12 +13,50 @@ from ..beltrami.mesh_smoothing import decay, smooth_faces
 from ..mesh.calculus import average_to_faces, make_unit
 from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ..settings import BeltramiGeometrySettings
+from ..sparse.components import connected_components
+from .smoothings import average_around
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
 """Bounds of what the normals of neighbouring faces differ by for noise."""
 
 MOLLIFIED = 10.0
 """Normals that differ by this many times the noise hardly mollify each other: creases stay."""
+
+PLANE = 0.02, 0.06
+"""Degrees between neighbouring faces up to which they are in one plane, and from which they are
+not: more than single precision leaves, and far below any noise that is seen."""
+
+DESIGNED, UNEVEN = (0.6, 0.95), (0.3, 0.6)
+"""Shares of faces with a neighbour in their plane, and deviations of the logarithm of areas, within
+two rings, from which faces count as made by a design program, and fully."""
+
+FEW = 32, 128
+"""Faces of a connected component up to which there can be no noise, and from which there can."""
+
+
+def possible_noise(mesh: TriangleMesh) -> Floats:
+    """Tell where faces can have noise: (m,), from 0 for none to 1.
+
+    Noise leaves hardly any two faces in one plane. So there is none where most faces have a
+    neighbour in their plane, unless faces are of one size, as those of voxels and of terraces are.
+    And components of some dozens of faces are too small for telling noise from shape.
+    """
+    told = np.empty((mesh.face_count, 3))
+    run(_find_planes, mesh.face_count, mesh.twins, mesh.areas, mesh.normals,
+        max(mesh.areas.mean(), 1e-300), np.radians(PLANE), told)  # fmt: skip
+    for _ in range(2):
+        told = average_to_faces(mesh, average_around(mesh, told).astype(np.float64))
+    in_planes, mean, square = told.T
+    uneven = np.sqrt(np.maximum(square - mean * mean, 0.0))
+    designed = _between(in_planes, DESIGNED) * _between(uneven, UNEVEN)
+    a, b, c = mesh.faces.T
+    _, part = connected_components(mesh.vertex_count, np.append(a, b), np.append(b, c))
+    faces = np.bincount(part[a], minlength=1)[part[a]]
+    return (1.0 - designed) * _between(np.log(faces), (log(FEW[0]), log(FEW[1])))
+
+
+def _between(values: Floats, ends: tuple[float, float]) -> Floats:
+    return np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
 
 
 def noise_of_normals(mesh: TriangleMesh) -> float:
@@ -80,6 +120,24 @@ def _normal_steps(start, stop, twins, areas, normals, steps):
                 for x in range(3):
                     square += (normals[f, x] - normals[g, x]) ** 2
                 steps[3 * f + k] = np.sqrt(square)
+
+
+@kernel
+def _find_planes(start, stop, twins, areas, normals, size, ends, told):
+    # How far a neighbour is in the plane of each face; the logarithm of its area, and the square.
+    for f in range(start, stop):
+        least = 4.0
+        for k in range(3):
+            g = twins[f, k] // 3
+            if twins[f, k] >= 0 and areas[f] > 0 and areas[g] > 0:
+                square = 0.0
+                for x in range(3):
+                    square += (normals[f, x] - normals[g, x]) ** 2
+                least = min(least, square)
+        t = (np.sqrt(least) - ends[0]) / (ends[1] - ends[0])
+        told[f, 0] = 1.0 - min(max(t, 0.0), 1.0)
+        told[f, 1] = np.log(max(areas[f] / size, 1e-9))
+        told[f, 2] = told[f, 1] ** 2
 
 
 @kernel

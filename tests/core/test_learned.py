@@ -13,6 +13,7 @@ from shock_filter.core.mixture.choice import pair_count
 from shock_filter.core.mixture.network import load
 from shock_filter.core.shape import learned
 from shock_filter.core.shape.learned import STAGES, WEIGHTS, found_in_stage, networks
+from shock_filter.core.shape.noise import possible_noise
 from shock_filter.core.shape.smoothings import (
     DEFINITION,
     FIRST,
@@ -228,6 +229,50 @@ def test_thin_plates_stay(thickness):
     vertices, faces = cube(6)
     mesh = core.TriangleMesh(vertices * (1.0, 1.1, thickness) @ rotation(3).T, faces)
     assert angles(denoised(mesh).normals, mesh.normals).mean() < 0.5
+
+
+def gear(teeth, thickness):
+    """A gear out of long thin faces, as design programs export it: few share a size."""
+    angle = np.linspace(0, 2 * np.pi, 4 * teeth, endpoint=False)
+    count, radius = len(angle), np.where(np.arange(4 * teeth) % 4 < 2, 1.0, 0.85)
+    rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], axis=1)
+    up = np.array([0, 0, thickness])
+    vertices = np.concatenate([rim, rim + up, [0 * up, up]])
+    a, middle = np.arange(count), np.full(count, 2 * count)
+    b = np.roll(a, -1)
+    sides = [(a, b, b + count), (a, b + count, a + count)]
+    ends = [(b, a, middle), (a + count, b + count, middle + 1)]
+    faces = np.concatenate([np.stack(each, axis=1) for each in sides + ends])
+    return vertices @ rotation(3).T, faces
+
+
+def test_what_design_programs_export_stays():
+    mesh = core.TriangleMesh(*gear(20, 0.05))
+    assert np.array_equal(core.denoise_geometry(mesh), mesh.vertices)
+    rough = noisy(mesh.vertices, mesh.faces, 0.02)
+    assert not np.array_equal(core.denoise_geometry(rough), rough.vertices)
+
+
+def test_noise_is_impossible_only_in_uneven_planes_and_parts_of_few_faces():
+    for clean in (gear(20, 0.05), grid(3, 3), cube(1)):
+        assert (possible_noise(core.TriangleMesh(*clean)) == 0).all()
+    for open_to_noise in (cube(8), grid(20, 20), icosphere(3)):  # even planes may be terraces
+        assert (possible_noise(core.TriangleMesh(*open_to_noise)) == 1).all()
+    vertices, faces = gear(40, 0.05)
+    assert (possible_noise(noisy(vertices, faces, 0.02)) > 0.99).mean() > 0.95
+
+
+def test_a_star_of_two_dozen_faces_stays():
+    corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
+    faces = []
+    for axis in range(3):
+        for side in (-1, 1):  # four faces around the tip over each side of a cube
+            (base,) = np.nonzero(corners[:, axis] == side)
+            base = base[[0, 1, 3, 2]][:: side * (1 if axis != 1 else -1)]
+            faces += [[base[i], base[(i + 1) % 4], 8 + len(faces) // 4] for i in range(4)]
+    tips = np.repeat(np.eye(3), 2, axis=0) * np.tile([-4.0, 4.0], 3)[:, None]
+    mesh = core.TriangleMesh(np.concatenate([corners, tips]), faces)
+    assert np.array_equal(core.denoise_geometry(mesh), mesh.vertices)
 
 
 def test_displacements_go_back_where_the_given_normals_are_nearer():
