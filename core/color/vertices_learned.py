@@ -16,7 +16,7 @@ from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mixture.network import Network, digest, load
 from ..settings import WIDTH_OF_SIGMA, ShockSettings
 from .learned.first import SIGMAS
-from .learned.images import detail_of, typical_detail
+from .learned.images import detail_of, ends_of, span_of, typical_detail
 from .learned.recipe import DEFINITION as DEFINITION_OF_IMAGES
 from .learned.recipe import FAINT, STAGES, Wishes, sharpened
 from .learned.report import tell_learned
@@ -71,13 +71,16 @@ def sharpen_vertices_learned(
     planes = VertexPlanes.of_vertices(vertices, (values - middle) / span)
     with phase(0.0, 0.2, "Sharpening"):
         detail = detail_at(planes)
+        smooth = planes.smoothed(SIGMAS, 0, vertices.rows)[-1]
+        spread = span_of(*ends_of(smooth, vertices.inside))
     brightness = np.zeros(0 if settings.channels != "luminance" else values.shape[1], np.float32)
     if len(brightness):
         weights = brightness_weights(values.shape[1])
         brightness[: len(weights)] = weights
     width = settings.width / WIDTH_OF_SIGMA / vertices.typical_unit
     nearest = settings.sampling == "nearest"
-    wishes = Wishes(FAINT * detail, min(width, WIDEST) ** 2, settings.smoothing_passes, nearest)
+    square = min(width, WIDEST) ** 2
+    wishes = Wishes(FAINT * detail, square, settings.smoothing_passes, nearest, spread)
     with phase(0.2, 1.0, "Sharpening"):
         sharp = sharpened(planes, brightness, wishes, nets=nets)
     change = vertices.values_of(sharp - planes.values).astype(np.float64)

@@ -65,6 +65,8 @@ class Borders(NamedTuple):
         a pixel more or less counts little.
     detail : float
         Mean square of what a smoothing takes away, in the image's range; 0 where it is not needed.
+    span : float
+        From the least to the greatest value of the smoothed image; 0 where it is not needed.
     """
 
     width: float = 0.0
@@ -73,6 +75,7 @@ class Borders(NamedTuple):
     contrast: float = 0.0
     spread: float = math.inf
     detail: float = 0.0
+    span: float = 0.0
 
 
 def measure_borders(

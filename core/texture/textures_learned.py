@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..base.findings import is_gathered
 from ..base.progress import aside, phase
 from ..color.learned.first import SIGMAS
-from ..color.learned.images import detail_of, typical_detail
+from ..color.learned.images import detail_of, ends_of, span_of, typical_detail
 from ..color.learned.recipe import FAINT, Wishes, sharpened
 from ..color.learned.report import tell_learned
 from ..color.learned.surroundings import WIDEST
@@ -64,9 +64,11 @@ def sharpen_texels_learned(
         planes = TexelPlanes.of_texels(surface, values, channels)
     with phase(0.1, 0.2, "Sharpening"):
         detail = _detail(planes)
+        smooth = planes.smoothed(SIGMAS, 0, len(inside))[-1]
+        span = span_of(*ends_of(smooth, _weights(planes) > 0))
     square = min(settings.width / WIDTH_OF_SIGMA, WIDEST) ** 2
     nearest = settings.sampling == "nearest"
-    wishes = Wishes(FAINT * detail, square, settings.smoothing_passes, nearest)
+    wishes = Wishes(FAINT * detail, square, settings.smoothing_passes, nearest, span)
     with phase(0.2, 1.0, "Sharpening"):
         sharp = sharpened(planes, channels.brightness, wishes)
     for k in range(len(sharp)):
@@ -86,11 +88,15 @@ def sharpen_texels_learned(
         tell_learned("texels", borders._replace(detail=detail), after)
 
 
+def _weights(planes: TexelPlanes) -> Texels:
+    # How much of each texel is seen.
+    weights = np.asarray(planes.surface.inside, np.float32)
+    return weights * planes.opacity if planes.opacity.size else weights
+
+
 def _detail(planes: TexelPlanes) -> float:
     # How much a smoothing takes away, as a mean square, in squares all over the sheet.
-    weights = np.asarray(planes.surface.inside, np.float32)
-    if planes.opacity.size:
-        weights = weights * planes.opacity
+    weights = _weights(planes)
     away = detail_of(planes, planes.smoothed(SIGMAS, 0, len(weights))[-1]).mean(axis=0)
     held, sums = (
         np.add.reduceat(np.add.reduceat(each, np.arange(0, each.shape[0], _SQUARE)),

@@ -287,6 +287,43 @@ def test_channels_may_be_guided_otherwise(channels):
         assert 0.001 < rms(out - core.sharpen_image(image)) < 0.02
 
 
+def grainy(seed, strength, size=128):
+    """Stone with grain in all channels alike: brightness from 0 to 1 times a part, slowly."""
+    random = np.random.default_rng(seed)
+    slow = ndimage.gaussian_filter(random.normal(size=(size, size)), 16, mode="wrap")
+    slow = 0.35 + 0.3 * (slow - slow.min()) / np.ptp(slow)
+    return (slow + strength * random.normal(size=slow.shape))[..., None].repeat(3, axis=2)
+
+
+def test_strong_grain_stays():
+    for strength in (0.05, 0.1, 0.15):
+        image = np.clip(grainy(61, strength), 0, 1).astype(np.float32)
+        assert rms(core.sharpen_image(image) - image) < 0.05 * strength
+        np.testing.assert_allclose(
+            core.sharpen_image(0.1 * image), 0.1 * core.sharpen_image(image), atol=1e-5
+        )
+    faint = grainy(61, 0.005).astype(np.float32)  # noise
+    away = core.sharpen_image(faint) - faint
+    assert rms(away) > 0.8 * 0.005
+    sizes = []
+    for strength in np.arange(0.005, 0.05, 0.0025):  # and what lies between changes evenly
+        image = grainy(61, strength).astype(np.float32)
+        sizes.append(rms(core.sharpen_image(image) - image))
+    assert np.abs(np.diff(sizes)).max() < 0.004
+
+
+def test_strong_grain_stays_beside_borders_that_become_sharp():
+    image = as_bytes(blurred(drawing(62), 2.0)).astype(np.float32) / 255
+    given = image.copy()
+    given[:, 96:] = grainy(63, 0.15, len(image))[:, 96 : given.shape[1]]
+    given = given.clip(0, 1)
+    found = core.sharpen_image(given)
+    np.testing.assert_allclose(found[:, 130:], given[:, 130:], atol=0.02)
+    assert rms(found[:, :60] - given[:, :60]) > 0.8 * rms(
+        core.sharpen_image(image)[:, :60] - image[:, :60]
+    )
+
+
 @pytest.mark.parametrize("shape", [
     (1, 1), (1, 30), (30, 1), (2, 2), (3, 5, 1), (17, 4, 2), (33, 70, 4), (5, 40, 5),
 ], ids=str)  # fmt: skip

@@ -51,22 +51,44 @@ def detail_of(planes: Planes, smooth: Singles) -> Singles:
     return np.square(away)
 
 
+def ends_of(smooth: Singles, seen: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
+    """Find the least and the greatest value of each channel where it is seen: (2, c)."""
+    c = len(smooth)
+    values = smooth.reshape(c, -1)
+    low = values.min(axis=1, initial=np.inf, where=seen.reshape(-1))
+    high = values.max(axis=1, initial=-np.inf, where=seen.reshape(-1))
+    return np.stack([low, high])
+
+
+def span_of(low: npt.NDArray, high: npt.NDArray) -> float:
+    """Return how far the ends of the widest channel are apart; 0 if nothing is seen."""
+    return max(float((high - low).max()), 0.0)
+
+
 def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
     """Measure how much a smoothing takes away, as a mean square, in windows all over an image."""
+    return _detail_and_span(pixels, channels)[0]
+
+
+def _detail_and_span(pixels: npt.NDArray, channels: Channels) -> tuple[float, float]:
     windows = windows_to_measure(pixels.shape[:2])
     found = np.zeros(len(windows))
+    ends = np.empty((len(windows), 2, channels.stop - channels.start), np.float32)
 
     def measure(start: int, stop: int) -> None:
         for i in range(start, stop):
             planes = Planes.of(pixels[windows[i]], channels)
             smooth = planes.smoothed(SIGMAS[-1:], 0, planes.values.shape[1])[0]
+            seen = planes.opacity > 0 if planes.opacity.size else np.ones(smooth.shape[1:], bool)
+            ends[i] = ends_of(smooth, seen)
             squares = np.float64(detail_of(planes, smooth))
             if planes.opacity.size:
                 squares *= planes.opacity / max(planes.opacity.mean(dtype=np.float64), 1e-6)
             found[i] = squares.mean()
 
     run(measure, len(windows), chunk=1)
-    return typical_detail(found, np.ones(len(found)))
+    span = span_of(ends[:, 0].min(axis=0), ends[:, 1].max(axis=0))
+    return typical_detail(found, np.ones(len(found))), span
 
 
 def measured_for_learned(
@@ -80,9 +102,9 @@ def measured_for_learned(
 
 
 def with_detail(found: Measured, pixels: npt.NDArray, channels: Channels) -> Measured:
-    """Add the detail to measurements of an image."""
-    detail = measured_detail(pixels, channels)
-    return found._replace(borders=found.borders._replace(detail=detail))
+    """Add the detail and the span to measurements of an image."""
+    detail, span = _detail_and_span(pixels, channels)
+    return found._replace(borders=found.borders._replace(detail=detail, span=span))
 
 
 def sharpen_pixels_learned(
@@ -114,7 +136,10 @@ def sharpen_pixels_learned(
         planes = Planes.of(given, channels)
     square = min(settings.width / WIDTH_OF_SIGMA, WIDEST) ** 2
     nearest = settings.sampling == "nearest"
-    wishes = Wishes(FAINT * found.borders.detail, square, settings.smoothing_passes, nearest)
+    borders = found.borders
+    wishes = Wishes(
+        FAINT * borders.detail, square, settings.smoothing_passes, nearest, borders.span
+    )
     with phase(0.02, 0.98, "Sharpening"):
         values = sharpened(planes, channels.brightness, wishes, part)
     with phase(0.98, 1.0, "Sharpening"):
@@ -126,7 +151,7 @@ def sharpen_pixels_learned(
             if not np.array_equal(target, pixels):
                 after = measure_borders(target, scale_of(target), channels, roughly=True)
                 after = after._replace(detail=measured_detail(target, channels))
-        tell_learned("pixels", found.borders, after)
+        tell_learned("pixels", borders, after)
 
 
 @kernel

@@ -4,11 +4,13 @@
 Not in the papers. The networks have learned from made pictures (`tools/training`) how much of each
 difference brings a spoiled picture back. Shares may have any sign; each stage's result is kept
 between the least and the greatest value within 7 pixels. Nothing is decided by a threshold, so that
-what changes little has a result that changes little.
+what changes little has a result that changes little. At last, `grain` comes back where it is too
+strong for noise.
 """
 
 from __future__ import annotations
 
+import math
 from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +26,8 @@ from ...mixture.network import Network, digest, load
 from . import first as first_stage
 from . import second as second_stage
 from .first import First, FirstStrip
+from .grain import REACH as REACH_OF_GRAIN
+from .grain import give_grain_back
 from .planes import Planes, keep_within
 from .second import Second, SecondStrip, flow_plan
 from .surroundings import CELL, SOFTEST, STRIP, WIDE, Singles, reach_of_surroundings
@@ -51,6 +55,9 @@ _PIXELS = 4096
 
 _MESSAGE = "Sharpening"
 
+_REACH = second_stage.REACH + REACH_OF_GRAIN
+"""Radius in pixels within which the flowed image affects a result."""
+
 
 class Wishes(NamedTuple):
     """What settings say about a learned sharpening.
@@ -65,12 +72,16 @@ class Wishes(NamedTuple):
         Smoothing passes on the flow.
     nearest : bool
         Whether the nearest pixel is read at the ends of flow-lines.
+    span : float
+        From the least to the greatest value of the smoothed image: grain that is strong beside it
+        stays. Infinity lets all grain go.
     """
 
     floor: float
     square: float = 0.0
     passes: int = 1
     nearest: bool = False
+    span: float = math.inf
 
 
 @cache
@@ -116,7 +127,9 @@ def sharpened(
     with phase(0.5, 0.7, "Tracing flow-lines"):
         second = second_of(first, result, shares, brightness, wishes, part)
     with phase(0.7, 1.0, _MESSAGE):
-        return mixed(second, nets[1], keep_shares=False)[0]
+        values = mixed(second, nets[1], keep_shares=False)[0]
+        give_grain_back(planes, values, wishes.span)
+        return values
 
 
 def second_of(
@@ -124,7 +137,7 @@ def second_of(
     wishes: Wishes, part: Part | None = None,
 ) -> Second:  # fmt: skip
     """Prepare the second stage."""
-    wider = part and part.wider(second_stage.REACH)
+    wider = part and part.wider(_REACH)
     moved = result.flowed(flow_plan(first), brightness, wishes.passes, wishes.nearest, wider)
     return Second(first, result, shares, moved)
 
@@ -170,4 +183,4 @@ def reach(passes: int) -> tuple[int, int]:
     The result is affected within both, and as far as flow-lines go.
     """
     before = first_stage.REACH + reach_of_surroundings()
-    return before + flow_reach(passes) + second_stage.SMOOTHER, second_stage.REACH
+    return before + flow_reach(passes) + second_stage.SMOOTHER, _REACH
