@@ -96,7 +96,8 @@ def filter_colors_file(
     Vertices at exactly the same position with the same color count as one, so that UV seams do not
     show; where colors differ at a position, they jump, and nothing flows across. Opacity and
     everything else stay as they are. Whole numbers of 16 or 32 bits in PLY files count from 0 to
-    255 unless one is greater.
+    255 unless one is greater. Where none is any more, a comment in the header says that they count
+    to the maximum of their type.
 
     Parameters
     ----------

@@ -21,6 +21,7 @@ from shock_filter.core.files import staging
 from shock_filter.core.files.formats.mesh import obj
 from shock_filter.core.files.meshes import (
     IN_PLACE,
+    filter_colors_file,
     filter_mesh_file,
     read_document,
 )
@@ -1071,6 +1072,23 @@ def test_ply_colors_up_to_255_in_wide_numbers_are_bytes(tmp_path, kind, dtype):
     fields += [(name, f"<{dtype}") for name in ("red", "green", "blue")]
     written = ply_table((tmp_path / "out.ply").read_bytes(), fields, len(vertices))
     np.testing.assert_array_equal(written["red"], np.rint(255 * wanted[:, 0]))
+
+
+@pytest.mark.parametrize("is_text", [False, True])
+def test_ply_colors_of_16_bits_stay_so_when_all_become_small(tmp_path, is_text):
+    vertices, faces, _ = painted()
+    stored = np.full((len(vertices), 3), 200, dtype="u2")
+    stored[7] = 260  # the only one above 255
+    source, target = tmp_path / "in.ply", tmp_path / "out.ply"
+    if is_text:
+        source.write_text(painted_text_ply(vertices, faces, stored, kind="ushort"), newline="\r\n")
+    else:
+        source.write_bytes(ply_bytes(vertices, faces, color_columns(stored, "ushort", "u2")))
+    filter_colors_file(lambda mesh, colors, mask=None: colors * 0.5, source, target)
+    np.testing.assert_array_equal(IN_PLACE[".ply"](target).read_colors()[:9], stored[:9] / 131070)
+    filter_colors_file(lambda mesh, colors, mask=None: colors, target, tmp_path / "again.ply")
+    assert (tmp_path / "again.ply").read_bytes() == target.read_bytes()
+    assert trimesh.load_mesh(target, process=False).faces.shape == faces.shape
 
 
 def obj_with_colors(vertices, faces, colors):
