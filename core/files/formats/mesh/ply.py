@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +22,9 @@ from ...document import (
     stored,
     to_unit,
 )
+from .ply_lists import ORDERS, TYPES, elements_of, head_of
 from .trimesh import load_scene
 
-_PLY_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "i2"),
-    **dict.fromkeys(("ushort", "uint16"), "u2"),
-    **dict.fromkeys(("int", "int32"), "i4"),
-    **dict.fromkeys(("uint", "uint32"), "u4"),
-    **dict.fromkeys(("float", "float32"), "f4"),
-    **dict.fromkeys(("double", "float64"), "f8"),
-}
-_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _COLORS = (
     ("red", "green", "blue"),
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
@@ -68,9 +57,14 @@ class PlyFile(InPlaceDocument):
         normals = ("nx", "ny", "nz")
         fresh = bool(moved.any() and set(normals) <= set(self._table.names))
         if fresh:
+            kinds = [self._table.kind(name) for name in normals]
             old = self._table.columns(*normals)
+            old = np.column_stack([to_unit(*each) for each in zip(old.T, kinds, strict=True)])
             new = renewed_vertex_normals(self.vertices, positions, self.faces, old)
-            changes |= dict(zip(normals, new.T, strict=True))
+            changes |= {
+                name: from_unit(column, kind)
+                for name, column, kind in zip(normals, new.T, kinds, strict=True)
+            }
         path.write_bytes(self._table.rewritten(changes))
         return [NEW_NORMALS] * fresh
 
@@ -140,27 +134,22 @@ class PlyVertices:
 
     def __init__(self, path: Path) -> None:
         self._data = path.read_bytes()
-        head = re.match(rb"ply\s.*?^end_header[ \t\r]*\n", self._data, re.DOTALL | re.MULTILINE)
-        if not head:
+        head = head_of(self._data)
+        if head is None:
             raise ShockError(f"{path} is not a PLY file; its header is missing or damaged.")
-        lines = [line.split() for line in head[0].decode("latin-1").splitlines()]
-        try:
-            encoding = next(words[1] for words in lines if words[:1] == ["format"])
-            elements = _ply_elements(lines)
-        except (IndexError, StopIteration) as error:
-            raise ValueError("a line of the header is missing or too short") from error
-        if encoding not in _ORDERS:
+        encoding, elements = elements_of(head)
+        if encoding not in ORDERS:
             raise ValueError(f"its format is {encoding}")
         self._is_text = encoding == "ascii"
-        order = _ORDERS[encoding]
-        self._head = head[0]
-        self._start = head.end()  # first byte of the vertices
+        order = ORDERS[encoding]
+        self._head = head
+        self._start = len(head)  # first byte of the vertices
         self._row = 0  # first line of the vertices after the header
         self._least = sum(count for _, count, _ in elements)  # least number of lines of text
         for element, count, properties in elements:
-            if not self._is_text and any(kind == "list" for _, kind in properties):
+            if not self._is_text and any(each.count for each in properties):
                 raise ShockError(f"{path}: lists before or in the vertices are not handled.")
-            fields = [(name, order + _PLY_TYPES.get(kind, "V")) for name, kind in properties]
+            fields = [(each.name, order + TYPES.get(each.kind, "V")) for each in properties]
             self._dtype, self._count = np.dtype(fields), count
             if element == "vertex":
                 break
@@ -232,14 +221,3 @@ class PlyVertices:
                 words[place] = decimal([value])
             lines[self._row + row] = b" ".join(words) + line[len(line.rstrip()) :]
         return self._head_with(comment) + b"".join(lines)
-
-
-def _ply_elements(header: list[list[str]]) -> list[tuple[str, int, list[tuple[str, str]]]]:
-    """Elements as (name, count, [(property, type)]); the type of a list is "list"."""
-    elements: list[tuple[str, int, list[tuple[str, str]]]] = []
-    for words in header:
-        if words[:1] == ["element"]:
-            elements.append((words[1], int(words[2]), []))
-        elif words[:1] == ["property"]:
-            elements[-1][2].append((words[-1], words[1]))
-    return elements

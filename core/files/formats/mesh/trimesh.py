@@ -23,6 +23,7 @@ from ...staging import within
 from .contents import REPLACED, contents, polygon_count
 from .gltf_tree import densified, read_tree
 from .obj import look_through, material_files, with_concave_cut
+from .ply_lists import with_even_lists
 from .polygons import fans, without_flips
 
 ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
@@ -130,11 +131,13 @@ def _libraries(path: Path, resolver: Resolver) -> dict[str, bytes]:
 
 
 def _readable(path: Path) -> bytes | None:
-    """A file's contents in UTF-8, as trimesh expects; None if they are UTF-8 already."""
+    """A file's contents as trimesh expects them, in UTF-8; None if they are so already."""
     ending, data = path.suffix.lower(), path.read_bytes()
     if ending == ".ply":  # comments of the header may hold letters
-        end = data.find(b"end_header") + 1
-        return None if data[:end].isascii() else _to_ascii(data[:end]) + data[end:]
+        even = with_even_lists(data)
+        text = data if even is None else even
+        end = text.find(b"end_header") + 1
+        return even if text[:end].isascii() else _to_ascii(text[:end]) + text[end:]
     if ending == ".stl":
         count = int.from_bytes(data[80:84], "little")
         if len(data) == 84 + 50 * count:
