@@ -759,6 +759,23 @@ def test_losses_are_said(tmp_path, source, target, note):
     assert note in sharpen_file(tmp_path / source, tmp_path / target, STRONG).notes
 
 
+OFF_ROWS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n3 0 1 4\n3 1 2 4{end}\n3 2 3 4\n3 3 0 4\n"
+
+
+@pytest.mark.parametrize(
+    "head, end, notes",
+    [
+        ("OFF\n5 4 0\n", " 255 0 0", [".off files written here lack face colors"]),
+        ("OFF\n5 4 0\n", "", []),
+        ("OFF 5 4 0\n", "", []),  # a vertex of whole numbers looks like the numbers of a head
+        ("# Colors are OFF\nOFF\n5 4 0\n", "", [".off files written here lack comments"]),
+    ],
+)
+def test_off_files_tell_what_is_lost(tmp_path, head, end, notes):
+    (tmp_path / "in.off").write_text(head + OFF_ROWS.format(end=end))
+    assert list(sharpen_file(tmp_path / "in.off", tmp_path / "out.off", STILL).notes) == notes
+
+
 def test_textured_glb_becomes_obj_with_its_own_side_files(tmp_path):
     (tmp_path / "in.glb").write_bytes(two_material_glb(*rounded_box()))
     sharpen_file(tmp_path / "in.glb", tmp_path / "a.obj", STRONG)
