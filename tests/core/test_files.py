@@ -367,6 +367,14 @@ def test_binary_ply_files_hold_polygons_of_any_sizes(tmp_path, form, start):
     assert "polygons were cut into triangles" in outcome.notes
 
 
+def test_binary_ply_files_may_have_empty_tables_and_polygons(tmp_path):
+    data = mixed_ply([*MIXED, []], "<")
+    head = b"element edge 0\nproperty int vertex1\nproperty list uchar int others\nend_header\n"
+    (tmp_path / "a.ply").write_bytes(data.replace(b"end_header\n", head))
+    found = IN_PLACE[".ply"](tmp_path / "a.ply")
+    assert len(found.faces) == sum(len(face) - 2 for face in MIXED)
+
+
 def test_binary_ply_polygons_are_not_told_by_the_length_of_the_file(tmp_path):
     faces = [[0, 1, 5, 4], [0, 4, 3], [0, 3, 2, 6, 1]]  # as long as three quads
     (tmp_path / "a.ply").write_bytes(mixed_ply(faces, "<"))

@@ -147,7 +147,7 @@ class PlyVertices:
         self._row = 0  # first line of the vertices after the header
         self._least = sum(count for _, count, _ in elements)  # least number of lines of text
         for element, count, properties in elements:
-            if not self._is_text and any(each.count for each in properties):
+            if not self._is_text and any(each.length for each in properties):
                 raise ShockError(f"{path}: lists before or in the vertices are not handled.")
             fields = [(each.name, order + TYPES.get(each.kind, "V")) for each in properties]
             self._dtype, self._count = np.dtype(fields), count

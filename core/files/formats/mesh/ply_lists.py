@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -26,18 +27,18 @@ _HEAD = re.compile(rb"ply\s.*?^end_header[ \t\r]*\n", re.DOTALL | re.MULTILINE)
 
 
 class Property(NamedTuple):
-    """A property of an element; `count` is the type of a list's length, empty if it is none."""
+    """A property of an element; `length` is the type of a list's length, empty if it is none."""
 
     name: str
     kind: str
-    count: str = ""
+    length: str = ""
 
 
 class Element(NamedTuple):
     """A table of a PLY file."""
 
     name: str
-    count: int
+    rows: int
     properties: list[Property]
 
 
@@ -75,10 +76,10 @@ def with_even_lists(data: bytes) -> bytes | None:
         return None
     encoding, elements = elements_of(head)
     known = all(
-        each.kind in TYPES and TYPES.get(each.count or "uchar", "f")[0] in "iu"
+        each.kind in TYPES and TYPES.get(each.length or "uchar", "f")[0] in "iu"
         for element in elements
         for each in element.properties
-    ) and all(element.properties and element.count >= 0 for element in elements)
+    ) and all(element.properties and element.rows >= 0 for element in elements)
     if encoding == "ascii" or encoding not in ORDERS or not known:
         return None  # whoever reads it says what is wrong
     place, layouts = len(head), []
@@ -101,25 +102,25 @@ class _Layout(NamedTuple):
 
 
 def _layout(data: bytes, place: int, element: Element, order: str) -> _Layout:
-    if element.count > len(data) - place:
+    if element.rows > len(data) - place:
         raise ValueError(_TOO_SHORT)
-    lists = [each for each in element.properties if each.count]
-    lengths = np.zeros((element.count, len(lists)), dtype=np.int64)
-    if element.count and lists:
+    lists = [each for each in element.properties if each.length]
+    lengths = np.zeros((element.rows, len(lists)), dtype=np.int64)
+    if element.rows and lists:
         first, _ = _row_lengths(data, place, element, order)
         lengths[:] = first
-    dtype = _dtype(element, lengths[0] if element.count else lengths.sum(axis=0), order)
-    end = place + element.count * dtype.itemsize
-    starts = place + dtype.itemsize * np.arange(element.count)
+    dtype = _dtype(element, lengths[0] if element.rows else lengths.sum(axis=0), order)
+    end = place + element.rows * dtype.itemsize
+    starts = place + dtype.itemsize * np.arange(element.rows)
     if end <= len(data):
-        records = np.frombuffer(data, dtype, element.count, place)
-        names = [f"length {k}" for k, each in enumerate(element.properties) if each.count]
+        records = np.frombuffer(data, dtype, element.rows, place)
+        names = [f"length {k}" for k, each in enumerate(element.properties) if each.length]
         if all((records[name] == lengths[:, k]).all() for k, name in enumerate(names)):
             return _Layout(starts, lengths, end)
     if not lists:
         raise ValueError(_TOO_SHORT)
     end = place
-    for row in range(element.count):
+    for row in range(element.rows):
         starts[row] = end
         lengths[row], end = _row_lengths(data, end, element, order)
     return _Layout(starts, lengths, end)
@@ -130,8 +131,8 @@ def _row_lengths(data: bytes, place: int, element: Element, order: str) -> tuple
     lengths = []
     for each in element.properties:
         size, count = int(TYPES[each.kind][1]), 1
-        if each.count:
-            kind = TYPES[each.count]
+        if each.length:
+            kind = TYPES[each.length]
             end = place + int(kind[1])
             which: Any = "big" if order == ">" else "little"
             count = int.from_bytes(data[place:end], which, signed=kind[0] == "i")
@@ -148,23 +149,24 @@ def _dtype(element: Element, lengths: Iterable[int], order: str) -> np.dtype[Any
     fields: list[tuple[Any, ...]] = []
     left = iter(lengths)
     for k, each in enumerate(element.properties):
-        if each.count:
-            fields.append((f"length {k}", order + TYPES[each.count]))
-        count = int(next(left)) if each.count else 1
+        if each.length:
+            fields.append((f"length {k}", order + TYPES[each.length]))
+        count = int(next(left)) if each.length else 1
         fields.append((f"values {k}", order + TYPES[each.kind], (count,)))
     return np.dtype(fields)
 
 
 def _rows(data: bytes, element: Element, layout: _Layout, order: str) -> list[str]:
     # The rows of an element as text.
-    result = np.full(element.count, "", dtype=object)
+    result = np.full(element.rows, "", dtype=object)
     kinds, owners = np.unique(layout.lengths, axis=0, return_inverse=True)
     memory = np.frombuffer(data, np.uint8)
     for number, lengths in enumerate(kinds):
         rows = np.flatnonzero(owners.reshape(-1) == number)
         dtype = _dtype(element, lengths, order)
         some = memory[layout.starts[rows, None] + np.arange(dtype.itemsize)].view(dtype)[:, 0]
-        columns = [some[name].reshape(len(rows), -1).tolist() for name in dtype.names or ()]
+        parts = [some[name] for name in dtype.names or ()]
+        columns = [part.reshape(len(rows), math.prod(part.shape[1:])).tolist() for part in parts]
         result[rows] = [
             " ".join(str(value) for values in row for value in values)
             for row in zip(*columns, strict=True)
