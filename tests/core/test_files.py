@@ -476,6 +476,19 @@ def test_weights_above_1_are_refused(tmp_path):
     assert not (tmp_path / "out.ply").exists()
 
 
+@pytest.mark.parametrize("kind, dtype, most", [("uchar", "u1", 255), ("int", "i4", 2147483647)])
+def test_masks_of_flags_in_whole_numbers_are_refused(tmp_path, kind, dtype, most):
+    vertices, faces = rounded_box()
+    flags = vertices[:, 0] > 0
+    source, target = tmp_path / "in.ply", tmp_path / "out.ply"
+    source.write_bytes(ply_bytes(vertices, faces, [("flag", kind, dtype, flags)]))
+    with pytest.raises(core.ShockError, match=f"'flag' reaches 1, of {most} .* save it as float"):
+        sharpen_file(source, target, STRONG, mask="flag")
+    assert not target.exists()
+    source.write_bytes(ply_bytes(vertices, faces, [("flag", kind, dtype, 0 * flags)]))
+    assert sharpen_file(source, target, STRONG, mask="flag").changed == 0
+
+
 def test_mask_reaches_split_vertices(tmp_path):
     vertices, faces = seams(*rounded_box())
     free = np.ones(len(vertices))
