@@ -227,6 +227,11 @@ def test_one_material_can_be_chosen(tmp_path):
         read_textured_mesh(tmp_path / "two.obj", "Metal")
     write_glb(tmp_path / "one.glb")
     assert len(read_textured_mesh(tmp_path / "one.glb", "Wood").uv) == 128
+    text = (tmp_path / "two.obj").read_text().splitlines()
+    bare = [line for line in text if not line.startswith("usemtl")]
+    (tmp_path / "bare.obj").write_text("\n".join(bare))
+    with pytest.raises(core.ShockError, match="'Wood'; it names none; leave --material out"):
+        read_textured_mesh(tmp_path / "bare.obj", "Wood")
 
 
 @pytest.mark.parametrize(
