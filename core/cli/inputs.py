@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ShockError
-from ..files.output import check_plain
+from ..files.output import check_plain, make_folder
 from ..files.staging import tidy
 from ..maps.names import files_of_maps
 
@@ -79,6 +79,8 @@ def _tidy(names: Iterable[str | Path]) -> None:
 def _files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
     if options.command.kind.makes_frames:  # one folder for all frames, not one per input
         tidy(Path(options.output))
+        if options.output.endswith(("/", os.sep)):  # else its ending may name a file
+            _make_folder(Path(options.output))
         return [(options.inputs[0], Path(options.output))]
     pairs = _pairs(options.inputs, options.output)
     for source, target in pairs if options.cluster is not None or options.resume else ():
@@ -88,6 +90,13 @@ def _files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
                 " --cluster and --resume write to another folder"
             )
     return pairs
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        make_folder(folder)
+    except ShockError as error:
+        raise UsageError(str(error)) from error
 
 
 def _pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:

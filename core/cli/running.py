@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TextIO
 
 from ..base.findings import gathering
 from ..errors import ShockError
-from ..files.output import Unfinished, guarded
+from ..files.output import Unfinished, guarded, make_folder
 from . import records
 from .commands import Backend
 from .inputs import check_target, outputs_of
@@ -123,7 +123,7 @@ def filter_file(
         for each in outputs:
             if not options.command.kind.makes_frames:
                 check_target(each, job.may_replace(each))
-            each.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(each.parent)
         overwrite = any(map(job.may_replace, outputs))
         options = argparse.Namespace(**{**vars(options), "overwrite": overwrite})
         with gathering() as findings, _recording(job, source, outputs):

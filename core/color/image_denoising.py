@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import (
+    LARGEST,
     as_array,
     by_keyword,
     checked_image,
@@ -91,7 +92,7 @@ def beltrami_image(
 
         refuse_with_dask(progress=progress)
         return smooth_chunks(image, settings, mask)
-    given = checked_image(image)
+    given = checked_image(image, LARGEST if settings.by_noise else None)
     weights = checked_weights(mask, given)
     with reporting(progress):
         return smoothed_image(given, settings, weights)

@@ -16,6 +16,7 @@ from ..maps.names import files_of_maps
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld
 from ..settings import BakeSettings
+from ..texture.texels import check_covered
 from .fields import field_outcome, field_pixels
 from .formats.mesh.trimesh import SceneFile
 from .image_formats import FORMATS, image_size
@@ -63,6 +64,7 @@ def bake_file(
     with reporting(options.progress):
         with phase(0.0, 0.1, "Finding the charts"):
             atlas = TextureAtlas(surface.mesh, surface.uv, size=(height, width))
+            check_covered(atlas)
         with phase(0.1, 1.0, "Baking maps"):
             baked = bake_maps(
                 surface.mesh, surface.uv, settings, size=(height, width), maps=maps, high=detailed,

@@ -13,7 +13,7 @@ from ..atlas import TextureAtlas
 from ..base.progress import phase, reporting
 from ..errors import ShockError
 from ..mesh.directions import named_directions
-from ..texture.texels import grays_of
+from ..texture.texels import check_covered, grays_of
 from .image_formats import Pixels, image_size, read_grays
 from .images import write_image_file
 from .output import DEFAULTS, Options, Outcome
@@ -62,6 +62,7 @@ def field_file(
             words["directions"], words["at"] = named_directions(surface.mesh, words.pop("along"))
         with phase(0.0, 0.3, "Finding the charts"):
             atlas = TextureAtlas(surface.mesh, surface.uv, size=(height, width))
+            check_covered(atlas)
         with phase(0.3, 1.0, "Generating"):
             made = function(surface.mesh, surface.uv, size=(height, width), atlas=atlas, **words)
     values = grays_of(made, atlas.inside)

@@ -36,6 +36,7 @@ IN_PLACE: dict[str, Callable[[Path], InPlaceDocument]] = {
     ".gltf": GltfFile,
 }
 
+_LEAST_MASK = 0.01  # flags of 0 and 1 in whole numbers would protect nearly all
 _ROUNDING = 1e-7  # differences of colors that another order of summation causes
 
 
@@ -96,7 +97,8 @@ def filter_colors_file(
     Vertices at exactly the same position with the same color count as one, so that UV seams do not
     show; where colors differ at a position, they jump, and nothing flows across. Opacity and
     everything else stay as they are. Whole numbers of 16 or 32 bits in PLY files count from 0 to
-    255 unless one is greater.
+    255 unless one is greater. Where none is any more, a comment in the header says that they count
+    to the maximum of their type.
 
     Parameters
     ----------
@@ -253,4 +255,11 @@ def _read_mask(source: Path, options: Options) -> Floats | None:
             f"{source} has no vertex property {name!r}; it has: {', '.join(table.names)}."
         )
     weights = table.weights(name)
+    kind, most = table.kind(name), weights.max(initial=0.0)
+    if kind.kind in "iu" and 0.0 < most < _LEAST_MASK:
+        largest = np.iinfo(kind).max
+        raise ShockError(
+            f"{source}: the mask {name!r} reaches {most * largest:.0f}, of {largest} that count"
+            " fully; save it as float, from 0 to 1."
+        )
     return 1.0 - weights if options.invert_mask else weights

@@ -149,7 +149,7 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
     """
     real = real_place(target)
     check_plain(real)
-    _check_writable(real.parent)
+    check_writable(real.parent)
     is_alike = real.suffix.lower() == target.suffix.lower()
     name = real.name if is_alike else target.name  # its ending selects the format
     with contextlib.ExitStack() as stack:
@@ -182,7 +182,7 @@ def staged_folder(target: Path, overwrite: bool) -> Iterator[Path]:
     real = real_place(target)
     if not real.is_dir():
         check_plain(real)
-    _check_writable(real.parent)
+    check_writable(real.parent)
     with contextlib.ExitStack() as stack:
         stage = temporary_folder(real.parent, stack) / target.name
         with room(real.parent):
@@ -210,7 +210,20 @@ def check_plain(place: Path) -> None:
         raise ShockError(f"{place} is a pipe or a device, and no plain file; name another output.")
 
 
-def _check_writable(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
+    """Make a folder unless it is there, and refuse one in which no file can be made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ShockError(
+            f"Cannot make the folder {folder} ({reason}); choose another output."
+        ) from error
+    check_writable(folder)
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse a folder in which no file can be made."""
     if not os.access(folder, os.W_OK | os.X_OK):
         raise ShockError(f"Cannot write to the folder {folder}; choose another output.")
 

@@ -216,7 +216,9 @@ def read_textured_mesh(
     names = sorted(set(materials[known].tolist()))
     if material is not None:
         if material not in names:
-            raise ShockError(f"{path} has no material {material!r}; it has: {', '.join(names)}.")
+            there = ", ".join(filter(None, names))
+            remedy = f"it has: {there}" if there else "it names none; leave --material out"
+            raise ShockError(f"{path} has no material {material!r}; {remedy}.")
         known &= materials == material
     elif len(names) > 1:
         notes.append(f"all materials ({', '.join(names)}) count; choose one with --material")

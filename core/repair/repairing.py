@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import LARGEST, SCALES, by_keyword, checked_image, checked_weights
+from ..base.checks import SCALES, by_keyword, checked_image, checked_weights
 from ..base.findings import tell
 from ..base.progress import ProgressCallback, phase, reporting
 from ..color.by_width.measuring import measured
+from ..color.image_steps import LARGEST
 from ..errors import InvalidSignal
 from ..grid.channels import channel_groups, opacity_channel
 from ..grid.resize import resized

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from ..base.checks import LARGEST, Floats, by_keyword, checked_image, checked_weights
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSignal
+from ..grid.channels import opacity_channel
 from ..settings import TileSettings, given_or_default
 
 _LEAST = 4
@@ -57,7 +58,7 @@ def make_tileable(
     Returns
     -------
     array like `image`
-        All channels are joined, opacity, too.
+        All channels are joined, opacity, the last of two or four channels, too: it stays in [0, 1].
 
     Raises
     ------
@@ -95,6 +96,7 @@ def make_tileable(
             f"The image has {width} x {height} pixels; sides are joined from {_LEAST} pixels on."
         )
     pixels = given.reshape(height, width, -1)
+    alpha = opacity_channel(pixels.shape[2], "auto")
     out = np.empty_like(pixels)
     with reporting(progress):
         radius = settings.radius * min(height, width)
@@ -113,6 +115,8 @@ def make_tileable(
                     new = old + weights * (new - old)
                 if given.dtype.kind == "u":
                     new = np.clip(np.rint(new), 0, np.iinfo(given.dtype).max)
+                elif channel == alpha:
+                    new = np.clip(new, min(old.min(), 0.0), max(old.max(), 1.0))
                 out[..., channel] = new
                 if weights is not None:
                     np.copyto(out[..., channel], pixels[..., channel], where=weights == 0)

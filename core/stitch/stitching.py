@@ -30,6 +30,7 @@ from ..texture.roughness import roughness_of_values
 from ..texture.texels import (
     Texture,
     check_content,
+    check_covered,
     checked_atlas,
     gathered,
     mix_texels,
@@ -167,6 +168,7 @@ def stitch_textures(
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
             texture = Texture(checked_atlas(atlas, mesh, uv, flat[0]), flat[0], alpha)
+            check_covered(texture.atlas)
             texture = normals_of(texture, settings, at_corners)
             same_material = settings.seams == "auto"
             seams = replace(settings, seams="continue") if same_material else settings

@@ -21,7 +21,7 @@ from ..base.progress import aside, phase
 from ..color.signals import mix_rows
 from ..elements.matrices import TextureSpace
 from ..elements.surface_values import sheet_values
-from ..errors import InvalidSignal
+from ..errors import InvalidSignal, InvalidUV
 from ..grid.channels import opacity_channel
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
@@ -262,6 +262,15 @@ def checked_atlas(
             f" has {width} x {height}; make an atlas for this mesh and size."
         )
     return atlas
+
+
+def check_covered(atlas: TextureAtlas) -> None:
+    """Refuse charts that are all so small that no texel shows them."""
+    if not atlas.inside.any():
+        raise InvalidUV(
+            "No chart covers the middle of a texel; use a larger image, or unwrap the mesh into"
+            " larger charts."
+        )
 
 
 def grays_of(values: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]) -> npt.NDArray:

@@ -483,6 +483,8 @@ def test_clean_images_hardly_change():
     even = np.full((40, 40, 3), 0.3)
     np.testing.assert_allclose(core.beltrami_image(even), even, atol=1e-7)
     assert np.isfinite(core.beltrami_image(1e30 * clean)).all()
+    with pytest.raises(core.InvalidSignal, match="holds values beyond 1e\\+30; scale or clip them"):
+        core.beltrami_image(1e200 * clean)  # its noise cannot be measured
 
 
 def test_more_noise_changes_gradually():

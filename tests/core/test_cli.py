@@ -394,9 +394,20 @@ def test_pictures_replace_no_other_file_of_the_run(folder, capsys, inputs, pictu
 def test_an_output_that_cannot_be_written_fails(folder, capsys):
     make("a.obj")
     Path("file").write_text("")
-    assert sharpen("a.obj", "file/b.obj") == 1
-    assert "a.obj: " in capsys.readouterr().err
+    for place in ("file", "file/deeper"):
+        assert sharpen("a.obj", f"{place}/b.obj") == 1
+        said = capsys.readouterr().err
+        assert said.startswith(f"Failed: a.obj: Cannot make the folder {place} (")
+        assert said.endswith("); choose another output.\n")
     assert sharpen("a.obj", "deep/folder/b.obj", *STILL) == 0
+
+
+def test_a_folder_that_takes_no_files_is_refused_before_anything_is_computed(folder, monkeypatch):
+    make("a.obj")
+    monkeypatch.setattr(os, "access", lambda *_, **__: False)
+    backend = Recorder()
+    assert sharpen("a.obj", "b.obj", backend=backend) == 1
+    assert backend.calls == []
 
 
 # ------------------------------------------------------------------------------- what is printed

@@ -21,6 +21,7 @@ from shock_filter.core.files import staging
 from shock_filter.core.files.formats.mesh import obj
 from shock_filter.core.files.meshes import (
     IN_PLACE,
+    filter_colors_file,
     filter_mesh_file,
     read_document,
 )
@@ -295,6 +296,100 @@ def test_ply_quads_stay_quads(tmp_path):
     assert result[-quads.size * 4 - len(quads) :] == data[-quads.size * 4 - len(quads) :]
 
 
+@pytest.mark.parametrize("kind, dtype", [("char", "i1"), ("short", "i2")])
+def test_ply_normals_of_whole_numbers_are_renewed_as_such(tmp_path, kind, dtype):
+    vertices, faces = rounded_box()
+    normals = trimesh.Trimesh(vertices, faces, process=False).vertex_normals
+    most = np.iinfo(dtype).max
+    names = ("nx", "ny", "nz")
+    extra = [(name, kind, dtype, np.rint(most * normals[:, k])) for k, name in enumerate(names)]
+    (tmp_path / "in.ply").write_bytes(ply_bytes(vertices, faces, extra))
+    sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG)
+    fields = [(axis, "<f4") for axis in "xyz"] + [(name, f"<{dtype}") for name in names]
+    table = ply_table((tmp_path / "out.ply").read_bytes(), fields, len(vertices))
+    positions = np.column_stack([table[axis] for axis in "xyz"])
+    given = np.column_stack([table[name] for name in names]) / most
+    np.testing.assert_allclose(np.linalg.norm(given, axis=1), 1, atol=0.02)
+    smooth = trimesh.Trimesh(positions, faces, process=False).vertex_normals
+    assert np.einsum("ij,ij->i", given, smooth).min() > 0.9
+
+
+ROOF = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [0, 1, 1.5], [2, 1, 1.5], [3, 1, 0]]
+MIXED = [[0, 1, 5, 4], [2, 3, 4, 5], [0, 4, 3], [0, 3, 2, 6, 1], [1, 6, 5], [6, 2, 5]]
+
+
+def mixed_ply(faces, order=None, lengths="uchar", corners="int", extra=False):
+    """A PLY file of polygons of different sizes; text without an order."""
+    codes = {"uchar": "B", "ushort": "H", "int": "i", "uint": "I"}
+    header = ["ply", "comment ü", f"element vertex {len(ROOF)}"]
+    words = {None: "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
+    header.insert(1, f"format {words[order]} 1.0")
+    header += [f"property double {axis}" for axis in "xyz"] + [f"element face {len(faces)}"]
+    header += ["property float quality"] * extra
+    header += [f"property list {lengths} {corners} vertex_indices", "end_header\n"]
+    head = "\n".join(header).encode()
+    flags = [0.1 * number for number in range(len(faces))]
+    if order is None:
+        rows = [" ".join(map(repr, map(float, point))) for point in ROOF]
+        for flag, face in zip(flags, faces, strict=True):
+            rows.append(" ".join(map(str, [flag] * extra + [len(face), *face])))
+        return head + "\n".join(rows).encode() + b"\n"
+    body = np.array(ROOF, f"{order}f8").tobytes()
+    for flag, face in zip(flags, faces, strict=True):
+        body += struct.pack(f"{order}f", flag) * extra
+        code = f"{order}{codes[lengths]}{len(face)}{codes[corners]}"
+        body += struct.pack(code, len(face), *face)
+    return head + body
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        {"order": "<"},
+        {"order": ">", "extra": True},
+        {"order": ">", "lengths": "int", "corners": "uint"},
+        {"order": "<", "lengths": "ushort", "corners": "uchar"},
+    ],
+)
+@pytest.mark.parametrize("start", range(4))  # trimesh takes the first length for all
+def test_binary_ply_files_hold_polygons_of_any_sizes(tmp_path, form, start):
+    faces = MIXED[start:] + MIXED[:start]
+    data = mixed_ply(faces, **form)
+    (tmp_path / "a.ply").write_bytes(data)
+    (tmp_path / "b.ply").write_bytes(mixed_ply(faces))
+    found, wanted = (IN_PLACE[".ply"](tmp_path / name) for name in ("a.ply", "b.ply"))
+    np.testing.assert_array_equal(found.faces, wanted.faces)
+    assert len(found.faces) == sum(len(face) - 2 for face in faces)
+    np.testing.assert_array_equal(found.vertices, ROOF)
+    assert sharpen_file(tmp_path / "a.ply", tmp_path / "out.ply", STRONG).changed
+    assert (tmp_path / "out.ply").read_bytes()[-10:] == data[-10:]
+    outcome = sharpen_file(tmp_path / "a.ply", tmp_path / "out.obj", STRONG)
+    assert "polygons were cut into triangles" in outcome.notes
+
+
+def test_binary_ply_files_may_have_empty_tables_and_polygons(tmp_path):
+    data = mixed_ply([*MIXED, []], "<")
+    head = b"element edge 0\nproperty int vertex1\nproperty list uchar int others\nend_header\n"
+    (tmp_path / "a.ply").write_bytes(data.replace(b"end_header\n", head))
+    found = IN_PLACE[".ply"](tmp_path / "a.ply")
+    assert len(found.faces) == sum(len(face) - 2 for face in MIXED)
+
+
+def test_binary_ply_polygons_are_not_told_by_the_length_of_the_file(tmp_path):
+    faces = [[0, 1, 5, 4], [0, 4, 3], [0, 3, 2, 6, 1]]  # as long as three quads
+    (tmp_path / "a.ply").write_bytes(mixed_ply(faces, "<"))
+    (tmp_path / "b.ply").write_bytes(mixed_ply(faces))
+    found, wanted = (IN_PLACE[".ply"](tmp_path / name) for name in ("a.ply", "b.ply"))
+    np.testing.assert_array_equal(found.faces, wanted.faces)
+
+
+@pytest.mark.parametrize("cut", [1, 5, 30])
+def test_binary_ply_files_that_end_in_a_polygon_are_damaged(tmp_path, cut):
+    (tmp_path / "a.ply").write_bytes(mixed_ply(MIXED, "<")[:-cut])
+    with pytest.raises(core.ShockError, match="less data than its header says"):
+        sharpen_file(tmp_path / "a.ply", tmp_path / "out.ply", STRONG)
+
+
 def text_ply(vertices, faces, value="0.50"):
     rows = [f"{x:.9g}  {y:.9g} {z:.9g} {value} 7" for x, y, z in vertices]
     rows += [f"3 {a} {b} {c}" for a, b, c in faces]
@@ -379,6 +474,19 @@ def test_weights_above_1_are_refused(tmp_path):
     with pytest.raises(core.ShockError, match="1"):
         sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG, mask="weight")
     assert not (tmp_path / "out.ply").exists()
+
+
+@pytest.mark.parametrize("kind, dtype, most", [("uchar", "u1", 255), ("int", "i4", 2147483647)])
+def test_masks_of_flags_in_whole_numbers_are_refused(tmp_path, kind, dtype, most):
+    vertices, faces = rounded_box()
+    flags = vertices[:, 0] > 0
+    source, target = tmp_path / "in.ply", tmp_path / "out.ply"
+    source.write_bytes(ply_bytes(vertices, faces, [("flag", kind, dtype, flags)]))
+    with pytest.raises(core.ShockError, match=f"'flag' reaches 1, of {most} .* save it as float"):
+        sharpen_file(source, target, STRONG, mask="flag")
+    assert not target.exists()
+    source.write_bytes(ply_bytes(vertices, faces, [("flag", kind, dtype, 0 * flags)]))
+    assert sharpen_file(source, target, STRONG, mask="flag").changed == 0
 
 
 def test_mask_reaches_split_vertices(tmp_path):
@@ -670,6 +778,23 @@ def test_losses_are_said(tmp_path, source, target, note):
     (tmp_path / "box.mtl").write_text("newmtl blue\nnewmtl red stuff\n")
     (tmp_path / "in.glb").write_bytes(two_material_glb(*rounded_box()))
     assert note in sharpen_file(tmp_path / source, tmp_path / target, STRONG).notes
+
+
+OFF_ROWS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n3 0 1 4\n3 1 2 4{end}\n3 2 3 4\n3 3 0 4\n"
+
+
+@pytest.mark.parametrize(
+    "head, end, notes",
+    [
+        ("OFF\n5 4 0\n", " 255 0 0", [".off files written here lack face colors"]),
+        ("OFF\n5 4 0\n", "", []),
+        ("OFF 5 4 0\n", "", []),  # a vertex of whole numbers looks like the numbers of a head
+        ("# Colors are OFF\nOFF\n5 4 0\n", "", [".off files written here lack comments"]),
+    ],
+)
+def test_off_files_tell_what_is_lost(tmp_path, head, end, notes):
+    (tmp_path / "in.off").write_text(head + OFF_ROWS.format(end=end))
+    assert list(sharpen_file(tmp_path / "in.off", tmp_path / "out.off", STILL).notes) == notes
 
 
 def test_textured_glb_becomes_obj_with_its_own_side_files(tmp_path):
@@ -1071,6 +1196,23 @@ def test_ply_colors_up_to_255_in_wide_numbers_are_bytes(tmp_path, kind, dtype):
     fields += [(name, f"<{dtype}") for name in ("red", "green", "blue")]
     written = ply_table((tmp_path / "out.ply").read_bytes(), fields, len(vertices))
     np.testing.assert_array_equal(written["red"], np.rint(255 * wanted[:, 0]))
+
+
+@pytest.mark.parametrize("is_text", [False, True])
+def test_ply_colors_of_16_bits_stay_so_when_all_become_small(tmp_path, is_text):
+    vertices, faces, _ = painted()
+    stored = np.full((len(vertices), 3), 200, dtype="u2")
+    stored[7] = 260  # the only one above 255
+    source, target = tmp_path / "in.ply", tmp_path / "out.ply"
+    if is_text:
+        source.write_text(painted_text_ply(vertices, faces, stored, kind="ushort"), newline="\r\n")
+    else:
+        source.write_bytes(ply_bytes(vertices, faces, color_columns(stored, "ushort", "u2")))
+    filter_colors_file(lambda mesh, colors, mask=None: colors * 0.5, source, target)
+    np.testing.assert_array_equal(IN_PLACE[".ply"](target).read_colors()[:9], stored[:9] / 131070)
+    filter_colors_file(lambda mesh, colors, mask=None: colors, target, tmp_path / "again.ply")
+    assert (tmp_path / "again.ply").read_bytes() == target.read_bytes()
+    assert trimesh.load_mesh(target, process=False).faces.shape == faces.shape
 
 
 def obj_with_colors(vertices, faces, colors):

@@ -250,6 +250,77 @@ def test_colors_of_morph_targets_are_said_to_stay():
     assert MORPHS in outcome.notes
 
 
+def with_twin():
+    """Two tetrahedra that share normals and colors, as optimizers leave those that are equal."""
+    tree = description()
+    tree["accessors"].append(sparse(0))  # other positions
+    twin = copy.deepcopy(tree["meshes"][0])
+    twin["primitives"][0]["attributes"]["POSITION"] = len(tree["accessors"]) - 1
+    tree["meshes"].append(twin)
+    tree["nodes"].append({"mesh": 1, "translation": [9, 0, 0]})
+    tree["accessors"][2] |= {"min": [0, 0, 1], "max": [0, 0, 1]}
+    return tree
+
+
+def arrays_of(name, attribute):
+    """An attribute of each mesh, and its accessor's description."""
+    document = GltfFile(Path(name))
+    tree = document._tree
+    numbers = [mesh["primitives"][0]["attributes"][attribute] for mesh in tree["meshes"]]
+    return [document._array(number) for number in numbers], [tree["accessors"][n] for n in numbers]
+
+
+@pytest.mark.parametrize("name", ["in.gltf", "in.glb"])
+def test_meshes_that_share_normals_get_their_own_where_they_differ(name):
+    def squeezed(mesh, mask):
+        return mesh.vertices * [1, 1, 0.5]
+
+    write(with_twin(), name)
+    filter_mesh_file(squeezed, name, f"out{Path(name).suffix}")
+    found, accessors = arrays_of(f"out{Path(name).suffix}", "NORMAL")
+    points = TRIANGLE, SPARSE_POINTS
+    for normals, places, accessor in zip(found, points, accessors, strict=True):
+        corners = (places * [1, 1, 0.5])[CORNERS.reshape(-1, 3)]
+        a, b, c = corners.transpose(1, 0, 2)
+        wanted = np.zeros((4, 3))
+        np.add.at(wanted, CORNERS, np.repeat(np.cross(b - a, c - a), 3, axis=0))
+        lengths = np.linalg.norm(wanted, axis=1, keepdims=True)
+        cosines = np.einsum("ij,ij->i", normals, wanted / lengths)
+        np.testing.assert_allclose(abs(cosines), 1, atol=1e-6)
+        assert not {"min", "max"} & accessor.keys()
+
+
+def test_meshes_that_share_normals_go_on_sharing_them_where_they_agree():
+    tree = with_twin()
+    tree["meshes"][1]["primitives"][0]["attributes"]["POSITION"] = len(tree["accessors"])
+    tree["accessors"].append(tree["accessors"][0] | {"name": "a copy"})
+    write(tree)
+    filter_mesh_file(lambda mesh, mask: mesh.vertices * [1, 1, 0.5], "in.gltf", "out.gltf")
+    meshes = json.loads(Path("out.gltf").read_text())["meshes"]
+    assert len({mesh["primitives"][0]["attributes"]["NORMAL"] for mesh in meshes}) == 1
+
+
+def test_normals_that_are_stored_as_positions_leave_these_alone():
+    tree = description()
+    tree["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = 0  # as of a ball
+    write(tree)
+    filter_mesh_file(lift, "in.gltf", "out.gltf")
+    np.testing.assert_allclose(vertices("out.gltf"), ordered(TRIANGLE + [2, 1, 1]))
+    (normals,), _ = arrays_of("out.gltf", "NORMAL")
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
+
+
+def test_meshes_that_share_colors_get_their_own_where_they_differ():
+    def by_place(mesh, colors, mask=None):
+        return np.full_like(colors, 0.2 if mesh.vertices[:, 0].max() < 5 else 0.8)
+
+    write(with_twin())
+    assert filter_colors_file(by_place, "in.gltf", "out.gltf").changed == 8
+    found, _ = arrays_of("out.gltf", "COLOR_0")
+    for colors, red in zip(found, (51, 204), strict=True):
+        np.testing.assert_array_equal(colors, np.tile([red, red, red, 128], (4, 1)))
+
+
 # ----------------------------------------------------------------------------------- what is broken
 
 

@@ -91,6 +91,15 @@ def test_maps_of_other_sizes_and_normals_are_enlarged_together(model):
     assert (np.abs(found[1].astype(int) - (128, 128, 255)) <= 1).all()
 
 
+def test_values_whose_squares_overflow_are_refused_by_their_name(model):
+    mesh, uv, image, _ = model
+    large = image.astype(np.float32) * np.float32(1e17)
+    with pytest.raises(core.InvalidSignal, match="holds values beyond 1e\\+15; scale or clip them"):
+        core.repair_texture(mesh, uv, large)
+    with pytest.raises(core.InvalidSignal, match="holds values beyond 1e\\+15; scale or clip them"):
+        core.repair_textures(mesh, uv, [image, large])
+
+
 def test_contents_must_be_as_many_as_images(model):
     mesh, uv, image, _ = model
     with pytest.raises(core.InvalidSignal, match="give one of each"):

@@ -585,3 +585,9 @@ def test_charts_far_smaller_than_a_texel_stop_nothing():
         mesh = core.TriangleMesh(vertices, np.r_[faces, sides + len(sheet)])
         uv = np.r_[charts, 0.9 + 0.1 * size * more]
         assert np.isfinite(core.stitch_textures(mesh, uv, image)).all()
+
+
+def test_charts_smaller_than_all_texels_are_named():
+    mesh, uv = plain(8)
+    with pytest.raises(core.InvalidUV, match="No chart covers the middle of a texel"):
+        core.stitch_textures(mesh, uv * 0.01, [np.ones((4, 4))])

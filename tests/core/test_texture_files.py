@@ -227,6 +227,11 @@ def test_one_material_can_be_chosen(tmp_path):
         read_textured_mesh(tmp_path / "two.obj", "Metal")
     write_glb(tmp_path / "one.glb")
     assert len(read_textured_mesh(tmp_path / "one.glb", "Wood").uv) == 128
+    text = (tmp_path / "two.obj").read_text().splitlines()
+    bare = [line for line in text if not line.startswith("usemtl")]
+    (tmp_path / "bare.obj").write_text("\n".join(bare))
+    with pytest.raises(core.ShockError, match="'Wood'; it names none; leave --material out"):
+        read_textured_mesh(tmp_path / "bare.obj", "Wood")
 
 
 @pytest.mark.parametrize(
@@ -611,3 +616,16 @@ def test_what_an_image_cannot_be_made_from_is_named(tmp_path, capsys):
     assert drawn(tmp_path, "geodesic-distance", "out.npy", "--vertices", "999")[0] == 1
     assert "999" in capsys.readouterr().err
     assert not (tmp_path / "out.npy").exists()
+
+
+@pytest.mark.parametrize("words", [["wear"], ["bake-maps", "--map", "occlusion"]])
+def test_charts_smaller_than_all_texels_are_named(tmp_path, capsys, words):
+    points = [[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]]
+    rows = [f"v {x} {y} 0" for x, y in points] + [f"vt {x} {y}" for x, y in points]
+    source = tmp_path / "small.obj"
+    source.write_text("\n".join([*rows, "f 1/1 2/2 3/3 4/4"]))
+    target = tmp_path / "out.npy"
+    command = [words[0], str(source), str(target), "--size", "2x2", *words[1:]]
+    assert cli.main(command) == cli.FAILED
+    assert "No chart covers the middle of a texel; use a larger image" in capsys.readouterr().err
+    assert not target.exists()

@@ -135,3 +135,13 @@ def test_steep_borders_beside_a_joint_turn_within_a_few_pixels():
     image[:, :3] += 0.2 * np.linspace(1.0, 0.0, 3) * rng.choice([-1.0, 1.0], (24, 1)).repeat(4, 0)
     steps, slopes = joints(core.make_tileable(image, core.TileSettings(axes="x")), "x")
     assert steps < 1.0 and slopes < 1.0
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_opacity_of_floats_stays_opacity(channels):
+    y, x = np.mgrid[:64, :64] / 63
+    opacity = (0.5 + 0.8 * np.sin(3 * x + y)).clip(0.0, 1.0)
+    image = np.stack([0.5 * x + 0.2 * y] * (channels - 1) + [opacity], axis=-1)
+    assert core.make_tileable(opacity).max() > 1.01  # heights and the like may leave their range
+    shown = core.make_tileable(image)[..., -1]
+    assert 0.0 <= shown.min() <= shown.max() <= 1.0

@@ -55,6 +55,16 @@ def test_a_folder_gets_the_frames_of_the_core(folder, capsys):
     assert "field.npy -> out: 4 frames of 36 x 24 pixels in" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("name", ["take.v2/", "a.png/"])
+def test_a_name_that_ends_in_a_slash_is_a_folder(folder, name, capsys):
+    assert visualize("field.npy", name, "--frames", 2) == cli.DONE
+    assert sorted(os.listdir(name)) == ["frame_0001.png", "frame_0002.png"]
+    Path("file").write_text("")
+    with pytest.raises(SystemExit):
+        visualize("field.npy", "file/", "--frames", 2)
+    assert "Cannot make the folder file (" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["a.webp", "a.png", "a.apng"])
 def test_one_file_gets_them_all(folder, name):
     words = ["--frames", 3, "--size", "40x20", "--fps", 10, "--quiet"]

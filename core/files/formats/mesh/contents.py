@@ -32,7 +32,6 @@ _PLY_KNOWN = {
     **dict.fromkeys(("red", "green", "blue", "alpha"), COLORS),
     **dict.fromkeys(("s", "t", "u", "v", "texture_u", "texture_v", "texcoord"), UVS),
 }
-_STATED = {".ply": rb"^element face (\d+)", ".off": rb"^\s*\d+\s+(\d+)\s+\d+\s*$"}
 _STL_HEADER, _STL_FACET = 84, 50
 
 
@@ -65,7 +64,9 @@ def polygon_count(path: Path) -> int | None:
     ending, data = path.suffix.lower(), path.read_bytes()
     if ending == ".obj":
         return len(re.findall(rb"^[ \t]*f[ \t]", data, re.MULTILINE))
-    stated = ending in _STATED and re.search(_STATED[ending], data, re.MULTILINE)
+    if ending == ".off":
+        return len(off_rows(data)[1])
+    stated = ending == ".ply" and re.search(rb"^element face (\d+)", data, re.MULTILINE)
     return int(stated[1]) if stated else None
 
 
@@ -117,11 +118,24 @@ def _of_stl(path: Path, data: bytes) -> Iterator[str]:
         yield "facet attributes or colors"
 
 
+def off_rows(text: bytes) -> tuple[list[list[bytes]], list[list[bytes]]]:
+    """The words of each line of vertices, and of each line of faces, of an OFF file."""
+    lines = [line.partition(b"#")[0] for line in text.splitlines()]
+    words = re.split(rb"C?OFF", b"\n".join(lines), maxsplit=1)[-1].splitlines()
+    rows = [line.split() for line in words if line.strip()]
+    if not rows or len(rows[0]) < 2 or len(rows) <= sum(map(int, rows[0][:2])):
+        raise ValueError("an OFF file that ends too early")
+    count, face_count = int(rows[0][0]), int(rows[0][1])
+    return rows[1 : 1 + count], rows[1 + count : 1 + count + face_count]
+
+
 def _of_off(path: Path, data: bytes) -> Iterator[str]:
-    kind = data.split(b"OFF", 1)[0]
+    kind = re.sub(rb"#[^\n]*", b"", data).split(b"OFF", 1)[0]
     for letters, what in ((b"ST", UVS), (b"C", COLORS), (b"N", NORMALS)):
         if letters in kind:
             yield what
+    if any(len(row) > int(row[0]) + 1 for row in off_rows(data)[1]):
+        yield "face colors"
     if b"#" in data:
         yield COMMENTS
 

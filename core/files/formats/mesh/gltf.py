@@ -54,6 +54,7 @@ from .gltf_tree import (
 )
 from .maps import MapGroup, TexturedDocument, grouped
 
+_ROUNDING = 1e-6  # differences of normals and colors that another order of summation causes
 _MORPHS = "morph targets were left as they were: only the shape without them changed"
 
 
@@ -73,6 +74,7 @@ class GltfFile(TexturedDocument):
         to_world = _gltf_matrices(self._tree)
         self._loose: dict[int, npt.NDArray[Any]] = {}  # accessors that are not stored contiguously
         self._rows: dict[int, tuple[slice, Floats]] = {}  # vertices of each POSITION accessor
+        self._renewed: set[int] = set()  # accessors of normals or colors that hold new values
         blocks: list[Floats] = []
         faces: list[Ints] = []
         parts: list[int] = []
@@ -226,31 +228,54 @@ class GltfFile(TexturedDocument):
         use_png(self._tree, images)
         return self.save(path, positions, moved)
 
-    def _colors(self) -> list[tuple[slice, int]]:
-        """Vertices with colors, and the accessor that holds the colors."""
+    def _renew(self, name: str, place: int, number: int, values: npt.NDArray[Any]) -> None:
+        """Replace an attribute of the vertices of a POSITION accessor.
+
+        Others may share the accessor `number`; it gets one of its own if their values differ.
+        """
+        accessors = self._tree["accessors"]
+        values = values.astype(self._array(number).dtype)
+        if number not in self._renewed | self._rows.keys():
+            self._renewed.add(number)
+            self._array(number)[:] = values
+        elif number in self._rows or not np.allclose(values, self._array(number), 0.0, _ROUNDING):
+            own = len(accessors)
+            accessors.append(dict(accessors[number]))
+            store(self._tree, self._buffers, own, values)
+            for _, primitive in self._primitives():
+                attributes = primitive["attributes"]
+                if (attributes["POSITION"], attributes.get(name)) == (place, number):
+                    attributes[name] = own
+            number = own
+        for bound in ("min", "max"):  # optional for all but positions, and now stale
+            accessors[number].pop(bound, None)
+
+    def _colors(self) -> list[tuple[int, int]]:
+        """The POSITION accessors of vertices with colors, and the accessors of the colors."""
         found: dict[int, int] = {}
         for _, primitive in self._primitives():
             place, color = (primitive["attributes"].get(k) for k in ("POSITION", "COLOR_0"))
             if color is not None and found.setdefault(place, color) != color:
                 raise ShockError(f"{self._path} colors the same vertices twice; export it anew.")
-        return [(self._rows[place][0], color) for place, color in found.items()]
+        return list(found.items())
 
     def read_colors(self) -> Floats:
         colors = np.full_like(self.vertices, np.nan)
-        for rows, accessor in self._colors():
+        for place, accessor in self._colors():
             values = self._array(accessor)[:, :3]
-            colors[rows] = to_unit(values, values.dtype)
+            colors[self._rows[place][0]] = to_unit(values, values.dtype)
         return colors
 
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
         changed = 0
-        for rows, accessor in self._colors():
-            values = self._array(accessor)[:, :3]  # opacity, if any, is kept
-            new = from_unit(colors[rows], values.dtype)
-            changed += int((new != values).any(axis=1).sum())
-            values[:] = new
-            for bound in ("min", "max"):  # optional for colors, and now stale
-                self._tree["accessors"][accessor].pop(bound, None)
+        fresh = []
+        for place, accessor in self._colors():
+            old = self._array(accessor)
+            new = from_unit(colors[self._rows[place][0]], old.dtype)
+            changed += int((new != old[:, :3]).any(axis=1).sum())
+            fresh.append((place, accessor, np.hstack([new, old[:, 3:]])))  # opacity is kept
+        for each in fresh:
+            self._renew("COLOR_0", *each)
         if changed:
             notes = self._drop_compressed() + [_MORPHS] * self._has_targets("COLOR_0")
             return changed, notes + self._write(path)
@@ -286,8 +311,9 @@ class GltfFile(TexturedDocument):
             self.vertices[used], positions[used], np.vstack(triangles), np.vstack(old)
         )
         for (place, normal), start in starts.items():
-            values, matrix = self._floats(normal), self._rows[place][1]
-            values[:] = unit(new[start : start + len(values)] @ matrix[:3, :3])
+            rows, matrix = self._rows[place]
+            local = new[start : start + rows.stop - rows.start] @ matrix[:3, :3]
+            self._renew("NORMAL", place, normal, unit(local))
         return True
 
     def _write(self, path: Path) -> list[str]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -23,24 +22,15 @@ from ...document import (
     stored,
     to_unit,
 )
+from .ply_lists import ORDERS, TYPES, elements_of, head_of
 from .trimesh import load_scene
 
-_PLY_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "i2"),
-    **dict.fromkeys(("ushort", "uint16"), "u2"),
-    **dict.fromkeys(("int", "int32"), "i4"),
-    **dict.fromkeys(("uint", "uint32"), "u4"),
-    **dict.fromkeys(("float", "float32"), "f4"),
-    **dict.fromkeys(("double", "float64"), "f8"),
-}
-_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _COLORS = (
     ("red", "green", "blue"),
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
     ("r", "g", "b"),
 )
+_FULL_RANGE = b"comment shock_filter: white is the largest number of the types of the colors"
 _UVS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 
 
@@ -67,9 +57,14 @@ class PlyFile(InPlaceDocument):
         normals = ("nx", "ny", "nz")
         fresh = bool(moved.any() and set(normals) <= set(self._table.names))
         if fresh:
+            kinds = [self._table.kind(name) for name in normals]
             old = self._table.columns(*normals)
+            old = np.column_stack([to_unit(*each) for each in zip(old.T, kinds, strict=True)])
             new = renewed_vertex_normals(self.vertices, positions, self.faces, old)
-            changes |= dict(zip(normals, new.T, strict=True))
+            changes |= {
+                name: from_unit(column, kind)
+                for name, column, kind in zip(normals, new.T, kinds, strict=True)
+            }
         path.write_bytes(self._table.rewritten(changes))
         return [NEW_NORMALS] * fresh
 
@@ -87,14 +82,13 @@ class PlyFile(InPlaceDocument):
         """The types whose maximum is white, of each color's channels.
 
         Wide whole numbers are of 8 bits if none is above 255, as other programs read and write
-        them.
+        them, unless the header says that they are not.
         """
         names = self._color_names()
         kinds = [self._table.kind(name) for name in names]
-        if all(kind.kind in "iu" for kind in kinds):
-            byte = np.dtype(np.uint8)
-            if self._table.columns(*names).max(initial=0.0) <= np.iinfo(byte).max:
-                return [byte if kind.itemsize > 1 else kind for kind in kinds]
+        look_small = _look_like_bytes(self._table.columns(*names), kinds)
+        if look_small and not self._table.has_comment(_FULL_RANGE):
+            return [np.dtype(np.uint8) if kind.itemsize > 1 else kind for kind in kinds]
         return kinds
 
     def read_colors(self) -> Floats:
@@ -108,9 +102,11 @@ class PlyFile(InPlaceDocument):
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
         names = self._color_names()
         old = self._table.columns(*names)
-        pairs = zip(colors.T, self._color_kinds(), strict=True)
-        new = [from_unit(column, kind) for column, kind in pairs]
-        path.write_bytes(self._table.rewritten(dict(zip(names, new, strict=True))))
+        kinds = self._color_kinds()
+        new = [from_unit(*each) for each in zip(colors.T, kinds, strict=True)]
+        is_dark = _look_like_bytes(np.column_stack(new), kinds)
+        comment = _FULL_RANGE if is_dark and max(kind.itemsize for kind in kinds) > 1 else b""
+        path.write_bytes(self._table.rewritten(dict(zip(names, new, strict=True)), comment))
         differs = (np.column_stack(new) != old) & np.isfinite(colors)
         return int(differs.any(axis=1).sum()), []
 
@@ -128,31 +124,32 @@ class PlyFile(InPlaceDocument):
         return np.concatenate(blocks), materials
 
 
+def _look_like_bytes(colors: Floats, kinds: list[np.dtype[Any]]) -> bool:
+    is_whole = all(kind.kind in "iu" for kind in kinds)
+    return is_whole and bool(colors.max(initial=0.0) <= np.iinfo(np.uint8).max)
+
+
 class PlyVertices:
     """The vertex table of a PLY file, binary or text."""
 
     def __init__(self, path: Path) -> None:
         self._data = path.read_bytes()
-        head = re.match(rb"ply\s.*?^end_header[ \t\r]*\n", self._data, re.DOTALL | re.MULTILINE)
-        if not head:
+        head = head_of(self._data)
+        if head is None:
             raise ShockError(f"{path} is not a PLY file; its header is missing or damaged.")
-        lines = [line.split() for line in head[0].decode("latin-1").splitlines()]
-        try:
-            encoding = next(words[1] for words in lines if words[:1] == ["format"])
-            elements = _ply_elements(lines)
-        except (IndexError, StopIteration) as error:
-            raise ValueError("a line of the header is missing or too short") from error
-        if encoding not in _ORDERS:
+        encoding, elements = elements_of(head)
+        if encoding not in ORDERS:
             raise ValueError(f"its format is {encoding}")
         self._is_text = encoding == "ascii"
-        order = _ORDERS[encoding]
-        self._start = head.end()  # first byte of the vertices
+        order = ORDERS[encoding]
+        self._head = head
+        self._start = len(head)  # first byte of the vertices
         self._row = 0  # first line of the vertices after the header
         self._least = sum(count for _, count, _ in elements)  # least number of lines of text
         for element, count, properties in elements:
-            if not self._is_text and any(kind == "list" for _, kind in properties):
+            if not self._is_text and any(each.length for each in properties):
                 raise ShockError(f"{path}: lists before or in the vertices are not handled.")
-            fields = [(name, order + _PLY_TYPES.get(kind, "V")) for name, kind in properties]
+            fields = [(each.name, order + TYPES.get(each.kind, "V")) for each in properties]
             self._dtype, self._count = np.dtype(fields), count
             if element == "vertex":
                 break
@@ -190,13 +187,30 @@ class PlyVertices:
         """The type of a property."""
         return self._dtype[name]
 
-    def rewritten(self, changes: dict[str, Floats]) -> bytes:
-        """The whole file with changed values in some columns; equal values keep their bytes."""
+    def has_comment(self, comment: bytes) -> bool:
+        """Whether a line of the header is this one."""
+        return comment in (line.strip() for line in self._head.splitlines())
+
+    def _head_with(self, comment: bytes) -> bytes:
+        """The header, and what precedes the vertices; with a comment unless it is empty."""
+        before = self._data[len(self._head) : self._start]
+        if not comment or self.has_comment(comment):
+            return self._head + before
+        place = self._head.rindex(b"end_header")
+        end = self._head[: self._head.index(b"\n") + 1]
+        end = end[len(end.rstrip()) :]
+        return self._head[:place] + comment + end + self._head[place:] + before
+
+    def rewritten(self, changes: dict[str, Floats], comment: bytes = b"") -> bytes:
+        """The whole file with changed values in some columns; equal values keep their bytes.
+
+        The header gets a line `comment` unless it is empty or there.
+        """
         if not self._is_text:
             table = self._values.copy()
             for name, values in changes.items():
                 table[name] = values
-            return b"".join([self._data[: self._start], table.tobytes(), self.rest()])
+            return b"".join([self._head_with(comment), table.tobytes(), self.rest()])
         lines = list(self._lines)
         new = np.column_stack(list(changes.values()))
         places = [self.names.index(name) for name in changes]
@@ -206,15 +220,4 @@ class PlyVertices:
             for place, value in zip(places, new[row], strict=True):
                 words[place] = decimal([value])
             lines[self._row + row] = b" ".join(words) + line[len(line.rstrip()) :]
-        return self._data[: self._start] + b"".join(lines)
-
-
-def _ply_elements(header: list[list[str]]) -> list[tuple[str, int, list[tuple[str, str]]]]:
-    """Elements as (name, count, [(property, type)]); the type of a list is "list"."""
-    elements: list[tuple[str, int, list[tuple[str, str]]]] = []
-    for words in header:
-        if words[:1] == ["element"]:
-            elements.append((words[1], int(words[2]), []))
-        elif words[:1] == ["property"]:
-            elements[-1][2].append((words[-1], words[1]))
-    return elements
+        return self._head_with(comment) + b"".join(lines)

@@ -20,9 +20,10 @@ from ...document import Bools, Document, Floats, Ints, is_invertible, joined, st
 from ...reading import needed, writing
 from ...side_files import Resolver
 from ...staging import within
-from .contents import REPLACED, contents, polygon_count
+from .contents import REPLACED, contents, off_rows, polygon_count
 from .gltf_tree import densified, read_tree
 from .obj import look_through, material_files, with_concave_cut
+from .ply_lists import with_even_lists
 from .polygons import fans, without_flips
 
 ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
@@ -99,21 +100,16 @@ def _cut_concave(mesh: Any) -> None:
 
 def _as_triangles(text: bytes) -> bytes:
     """An OFF file whose polygons are triangles, as trimesh reads none of more than four corners."""
-    lines = [line.partition(b"#")[0] for line in text.splitlines()]
-    words = re.split(rb"C?OFF", b"\n".join(lines), maxsplit=1)[-1].splitlines()
-    rows = [line.split() for line in words if line.strip()]
-    if not rows or len(rows[0]) < 2 or len(rows) <= sum(map(int, rows[0][:2])):
-        raise ValueError("an OFF file that ends too early")
-    count, face_count = int(rows[0][0]), int(rows[0][1])
-    faces = [row[1 : int(row[0]) + 1] for row in rows[1 + count : 1 + count + face_count]]
+    vertices, rows = off_rows(text)
+    count, faces = len(vertices), [row[1 : int(row[0]) + 1] for row in rows]
     if all(len(face) == 3 for face in faces):
         return text
-    points = np.array([row[:3] for row in rows[1 : 1 + count]], dtype=np.float64)
+    points = np.array([row[:3] for row in vertices], dtype=np.float64)
     corners = np.array([word for face in faces for word in face], dtype=np.int64)
     cut, owners = fans(np.array([len(face) for face in faces]))
     triangles = without_flips(points, corners[cut], owners)
     header = f"OFF\n{count} {len(triangles)} 0\n".encode()
-    table = [b" ".join(row[:3]) for row in rows[1 : 1 + count]]
+    table = [b" ".join(row[:3]) for row in vertices]
     table += [b"3 %d %d %d" % tuple(triangle) for triangle in triangles]
     return header + b"\n".join(table) + b"\n"
 
@@ -130,11 +126,13 @@ def _libraries(path: Path, resolver: Resolver) -> dict[str, bytes]:
 
 
 def _readable(path: Path) -> bytes | None:
-    """A file's contents in UTF-8, as trimesh expects; None if they are UTF-8 already."""
+    """A file's contents as trimesh expects them, in UTF-8; None if they are so already."""
     ending, data = path.suffix.lower(), path.read_bytes()
     if ending == ".ply":  # comments of the header may hold letters
-        end = data.find(b"end_header") + 1
-        return None if data[:end].isascii() else _to_ascii(data[:end]) + data[end:]
+        even = with_even_lists(data)
+        text = data if even is None else even
+        end = text.find(b"end_header") + 1
+        return even if text[:end].isascii() else _to_ascii(text[:end]) + text[end:]
     if ending == ".stl":
         count = int.from_bytes(data[80:84], "little")
         if len(data) == 84 + 50 * count:
