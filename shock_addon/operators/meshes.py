@@ -63,10 +63,13 @@ class MeshOperator(FilterOperator):
 
         def write_one(target: Any, result: Any) -> bpy.types.Object:
             obj = data.mesh.targets.find(target)
-            if self._is_live(obj) or target.is_seen:
-                new = (self._write_live if self._is_live(obj) else write_new)(target, result)
+            is_live = self._is_live(obj)
+            if is_live or target.is_seen:
+                new = (self._write_live if is_live else write_new)(target, result)
                 if new != obj:
                     swaps.append(data.replaced.ObjectSwap(obj, new))
+                if not target.is_seen or (new != obj and not is_live):
+                    data.live.copies.release(new.data)
                 return new
             write(target, result)
             was_live = self.kind.moves and data.live.movement.remove(obj.data)

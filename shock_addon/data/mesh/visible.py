@@ -75,6 +75,9 @@ class _Shown:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._obj, name)
 
+    def __contains__(self, key: str) -> bool:
+        return key in self._obj
+
 
 def write_new(
     target: MeshTarget,
