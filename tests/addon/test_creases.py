@@ -232,6 +232,19 @@ def test_what_is_seen_becomes_a_low_poly(rounded_box, change):
     assert not twin.hide_get()
 
 
+def test_linked_objects_become_a_low_poly(rounded_box, tmp_path, select):
+    path = str(tmp_path / "box.blend")
+    bpy.data.libraries.write(path, {rounded_box()})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["Cube"]
+    bpy.context.collection.objects.link(wanted.objects[0])
+    select(wanted.objects[0])
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    low = bpy.context.object
+    assert low.library is None and low.data.library is None and len(low.data.polygons) < 200
+
+
 def test_a_low_poly_follows_the_parent_of_what_it_was_made_of(rounded_box):
     box = rounded_box()
     bpy.ops.object.empty_add(location=(0.0, 0.0, 3.0))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ....core.host.inputs import CutSurface
 from .. import arrays
-from ..chosen import mesh_objects
+from ..chosen import mesh_objects, mesh_refusal
 from . import creases, meshes, visible
 from .targets import MeshTarget, find
 
@@ -36,8 +36,8 @@ def read_cut(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[None, C
 
 
 def is_seen(obj: bpy.types.Object) -> bool:
-    """Whether an object may show anything else than its mesh, so that this is read."""
-    return bool(obj.modifiers) or obj.data.shape_keys is not None
+    """Whether what is seen of an object is read: modifiers, shape keys, or a linked mesh."""
+    return bool(obj.modifiers or obj.data.shape_keys or mesh_refusal(obj.data))
 
 
 def add_low_poly(
