@@ -178,7 +178,8 @@ class OneImageOperator(FilterOperator):
             objects = target.objects if getattr(self, "assign", False) else []
             return [data.replaced.ImageSwap(source, image, objects)]
         if digest := self._digests.get(target.image_uid):
-            return [data.replaced.PixelsSwap(image, target.parts, digest)]
+            uids = getattr(target, "uids", ())
+            return [data.replaced.PixelsSwap(image, target.parts, digest, uids)]
         return []
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
