@@ -124,6 +124,23 @@ def softness(pixels):
 # ------------------------------------------------------------------------------ images and results
 
 
+def test_the_uv_map_that_the_material_names_is_read(sheet):
+    mesh, tree = sheet.obj.data, sheet.obj.active_material.node_tree
+    sharpen(output="NEW", assign=False, time=64.0)
+    wanted = read(bpy.data.images["Wood sharpened"])
+    for point in mesh.uv_layers.new(name="Light map").uv:
+        point.vector = 0.1 * point.vector
+    mesh.uv_layers.active_index = 1
+    image_node = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
+    named = tree.nodes.new("ShaderNodeUVMap")
+    tree.links.new(named.outputs["UV"], image_node.inputs["Vector"])
+    for name, same in (("Layout", True), ("", False), ("gone", False), ("Light map", False)):
+        named.uv_map = name
+        sharpen(output="NEW", time=64.0)
+        assert np.array_equal(read(image_node.image), wanted) == same
+        image_node.image = sheet.image
+
+
 @pytest.mark.parametrize("float_buffer", [False, True])
 def test_a_soft_edge_becomes_sharp_in_a_new_image(float_buffer):
     image = add_image(float_buffer=float_buffer)
