@@ -124,6 +124,18 @@ def softness(pixels):
 # ------------------------------------------------------------------------------ images and results
 
 
+def test_a_report_says_that_only_what_lies_beside_the_charts_has_changed():
+    pixels = np.full((SIZE, SIZE, 4), (0.2, 0.4, 0.6, 1.0), np.float32)
+    pixels[:, : SIZE // 2 - 4, :3] = 0.0
+    image = add_image(pixels=pixels)
+    add_sheet(material=add_material(image), left=0.5)
+    sharpen()
+    said = operators.summaries["texture"]
+    assert said.startswith("Nothing in Wood has changed but what lies beside the charts, in Wood")
+    result = bpy.data.images["Wood sharpened"]
+    assert (read(result) != read(image)).any()
+
+
 def test_the_uv_map_that_the_material_names_is_read(sheet):
     mesh, tree = sheet.obj.data, sheet.obj.active_material.node_tree
     sharpen(output="NEW", assign=False, time=64.0)
