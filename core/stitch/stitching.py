@@ -185,10 +185,11 @@ def stitch_textures(
         with phase(0.9, 1.0, "Filling the gutter"):
             result = values.copy()
             if alpha >= 0:
-                column = np.zeros((space.size, 1), dtype=np.float32)
-                column[: opacity.size, 0] = opacity.reshape(-1)
-                stitched = np.insert(stitched, [alpha], column, axis=1)
+                stitched = np.insert(stitched, alpha, 0.0, axis=1)
             sheet_values(space, stitched, result)
+            if alpha >= 0:  # points along seams have none
+                inside = space.atlas.sheet.nodes >= 0
+                result[inside, alpha] = opacity[inside]
             unknown = _unknown_parts(space, sources)
             result[unknown] = values[unknown]
             if texture.unit:

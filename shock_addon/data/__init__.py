@@ -27,6 +27,9 @@ LIVE_RESULT_OF = "shock_filter_live_result_of"
 LIVE_SOURCE = "shock_filter_source"
 """Key of the source of a live copy among the properties of the object."""
 
+LIVE_AUTO = "shock_filter_auto"
+"""Key of the switch Auto Update among the properties of a live copy."""
+
 MOVE = "shock_move"
 """The attribute with the movement of live results."""
 

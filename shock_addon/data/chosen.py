@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from . import LIVE_COLORS, LIVE_SOURCE, LIVE_STAMP
+from . import LIVE_COLORS, LIVE_SOURCE, LIVE_STAMP, MOVE
 from .materials import active_image, masked_image
 from .skipped import Skipped, sentences
 
@@ -75,9 +75,18 @@ def live_modifier(obj: bpy.types.Object, key: str = LIVE_STAMP) -> bpy.types.Nod
     return None
 
 
+def is_live_copy(obj: bpy.types.Object) -> bool:
+    """Whether an object is a live copy, even if its source was removed.
+
+    It is none any more once its live shape is gone, as by *Apply*: its mesh is the artist's then.
+    """
+    is_marked = LIVE_SOURCE in obj and obj.type == "MESH"
+    return is_marked and MOVE in obj.data.attributes
+
+
 def live_source(obj: bpy.types.Object) -> bpy.types.Object | None:
     """Return the object that a live copy was made of; None for other objects."""
-    source = obj.get(LIVE_SOURCE)
+    source = obj[LIVE_SOURCE] if is_live_copy(obj) else None
     is_there = isinstance(source, bpy.types.Object) and source.type == "MESH" and source != obj
     return source if is_there else None
 

@@ -6,7 +6,7 @@ The current data are compared with both, so that this also works after undo and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import bpy
@@ -147,12 +147,16 @@ class PixelsSwap:
         The old pixels, as `images.read_parts` returns them.
     after : bytes
         Digest of the result.
+    objects : collection of int
+        Uids of the objects whose faces show the image.
     """
 
     is_empty = False
 
-    def __init__(self, image: bpy.types.Image, before: Tiles, after: bytes) -> None:
-        self.name, self.uids = image.name, {image.session_uid}
+    def __init__(
+        self, image: bpy.types.Image, before: Tiles, after: bytes, objects: Collection[int] = ()
+    ) -> None:
+        self.name, self.uids = image.name, {image.session_uid, *objects}
         self._image = image.session_uid
         self._digests = {AFTER: after}
         self._other = before

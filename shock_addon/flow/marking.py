@@ -252,7 +252,9 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects."""
         _check_mode(context, "New objects are made in Object Mode; go there first.")
-        return data.mesh.meshes.read_targets(context, self.reader(), self._parameters())
+        is_seen = data.mesh.low_poly.is_seen
+        parameters = self._parameters()
+        return data.mesh.meshes.read_targets(context, self.reader(), parameters, is_seen=is_seen)
 
     def compute(self) -> Callable:
         """Return what makes the low poly of one object."""
@@ -267,6 +269,7 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
 
     def _add(self, context: bpy.types.Context, target: Any, low: Any) -> bpy.types.Object:
         made = data.mesh.low_poly.add_low_poly(target, low, context)
+        data.live.copies.release(made[0].data)
         self._made += made
         return made[0]
 

@@ -13,9 +13,6 @@ from .. import data
 from ..running import jobs
 from . import updating
 
-AUTO = "shock_filter_auto"
-"""Key of the switch among the properties of a copy."""
-
 REST = 0.15
 """Seconds without a change before an update; a change that comes later cancels it."""
 
@@ -54,7 +51,8 @@ _refused: set[int] = set()
 
 def is_on(obj: bpy.types.Object) -> bool:
     """Whether a live copy updates itself."""
-    return _is_allowed and bool(obj.get(AUTO))
+    is_wanted = bool(obj.get(data.LIVE_AUTO))
+    return _is_allowed and is_wanted and data.chosen.live_source(obj) is not None
 
 
 def is_coming(obj: bpy.types.Object) -> bool:
@@ -71,7 +69,7 @@ def is_coming(obj: bpy.types.Object) -> bool:
 def switch(obj: bpy.types.Object, is_wanted: bool) -> None:
     """Turn Auto Update on or off; turning it on also allows it for this file."""
     global _is_allowed
-    obj[AUTO] = is_wanted
+    obj[data.LIVE_AUTO] = is_wanted
     if is_wanted:
         _is_allowed = True
         start()

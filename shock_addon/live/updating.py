@@ -105,7 +105,7 @@ def obstacle(obj: bpy.types.Object | None) -> str:
         return pgettext_rpt(_NOT_LIVE).format(name="" if obj is None else obj.name)
     if obj.mode != "OBJECT":
         return pgettext_rpt(_BUSY).format(name=obj.name)
-    if data.LIVE_SOURCE in obj and data.chosen.live_source(obj) is None:
+    if data.chosen.is_live_copy(obj) and data.chosen.live_source(obj) is None:
         return pgettext_rpt(_LOST).format(name=obj.name)
     return ""
 

@@ -71,7 +71,7 @@ class GenerateOperator(FilterOperator):
             digest = data.image.images.overwrite(
                 image, target.parts, {data.image.images.UNTILED: pixels}
             )
-            swap = data.replaced.PixelsSwap(image, target.parts, digest)
+            swap = data.replaced.PixelsSwap(image, target.parts, digest, target.objects)
             data.replaced.hold([swap])
             return image
         kind = pgettext_rpt(self.row.target(self).label)

@@ -78,6 +78,7 @@ class OneImageOperator(FilterOperator):
         self._parts: list[dict[int, Any]] = []
         self._digests: dict[int, bytes] = {}
         self._known: list[str] = []
+        self._is_any_new = False
         swaps: list[data.replaced.Swap] = []
         used = dict(zip([t.image_uid for t in self.targets], self.result.split("\n"), strict=False))
         if self.output == "REPLACE":
@@ -134,8 +135,8 @@ class OneImageOperator(FilterOperator):
         new = {number: part.colors for number, part in parts.items()}
         suffix = self.row.done.lower()
         is_changed = any(part.changed for part in parts.values())
-        if self.output != "REPLACE":  # what lies beside the charts is not counted as changed
-            is_changed |= data.image.images.differ(source, target.parts, new)
+        if self.output != "REPLACE" and data.image.images.differ(source, target.parts, new):
+            is_changed = self._is_any_new = True  # what lies beside the charts is not counted
         is_kept = self.output == "REPLACE" or not (
             self.output == "LIVE" or data.image.images.is_reusable(source, used, new)
         )
@@ -178,7 +179,8 @@ class OneImageOperator(FilterOperator):
             objects = target.objects if getattr(self, "assign", False) else []
             return [data.replaced.ImageSwap(source, image, objects)]
         if digest := self._digests.get(target.image_uid):
-            return [data.replaced.PixelsSwap(image, target.parts, digest)]
+            uids = getattr(target, "uids", ())
+            return [data.replaced.PixelsSwap(image, target.parts, digest, uids)]
         return []
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
@@ -204,7 +206,10 @@ class OneImageOperator(FilterOperator):
     def unchanged(self, facts: dict[str, Any]) -> str:
         """Return the report if no pixel has changed."""
         text = pgettext_rpt(
-            "Nothing in {old} has changed, and {new} equals it: {changes}, {seconds:.1f} s."
+            "Nothing in {old} has changed but what lies beside the charts, in {new}: {changes},"
+            " {seconds:.1f} s."
+            if facts["new"] != facts["old"] and self._is_any_new
+            else "Nothing in {old} has changed, and {new} equals it: {changes}, {seconds:.1f} s."
             if facts["new"] != facts["old"]
             else "Nothing in {old} has changed, so no copy was made: {changes}, {seconds:.1f} s."
             if self.output != "REPLACE"

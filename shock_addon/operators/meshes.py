@@ -63,10 +63,13 @@ class MeshOperator(FilterOperator):
 
         def write_one(target: Any, result: Any) -> bpy.types.Object:
             obj = data.mesh.targets.find(target)
-            if self._is_live(obj) or target.is_seen:
-                new = (self._write_live if self._is_live(obj) else write_new)(target, result)
+            is_live = self._is_live(obj)
+            if is_live or target.is_seen:
+                new = (self._write_live if is_live else write_new)(target, result)
                 if new != obj:
                     swaps.append(data.replaced.ObjectSwap(obj, new))
+                if not target.is_seen or (new != obj and not is_live):
+                    data.live.copies.release(new.data)
                 return new
             write(target, result)
             was_live = self.kind.moves and data.live.movement.remove(obj.data)
@@ -116,13 +119,12 @@ class MeshOperator(FilterOperator):
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count the moved vertices and changed colors, and all of these."""
         changed = total = 0
-        for target, _, result in written:
+        for each in written:
             if self.kind.moves:
-                old = getattr(target.surface, "shape", target.surface).positions
-                moved = (getattr(result, "shape", result).positions != old).any(axis=1)
+                moved = _moved(each)
                 changed, total = changed + int(moved.sum()), total + len(moved)
             if self.kind.paints:
-                paint = getattr(result, "paint", result)
+                paint = getattr(each.result, "paint", each.result)
                 changed, total = changed + paint.changed, total + paint.counted
         return changed, total
 
@@ -190,6 +192,9 @@ def _notes_of_objects(written: list[Written], operator: MeshOperator) -> str:
     new = _new(written)
     noted = _noted(written, operator)
     said = notes(noted, operator)
+    if operator.output == "SHAPE_KEY" and not any(_moved(each).any() for each in written):
+        text = pgettext_rpt("Nothing has changed, so no shape key was added.")
+        return f"{text} {said}".rstrip()
     if len(noted) < len(written) and not new:
         text = pgettext_rpt("Nothing has changed, so no new object was made.")
         return f"{text} {said}".rstrip()
@@ -197,6 +202,13 @@ def _notes_of_objects(written: list[Written], operator: MeshOperator) -> str:
         return said
     made = pgettext_rpt("New: {names}.").format(names=listed([obj.name for obj in new]))
     return f"{made} {hidden_originals(len(new))} {said}".rstrip()
+
+
+def _moved(written: Written) -> Any:
+    # Which vertices moved, if only by a bit.
+    new = getattr(written.result, "shape", written.result).positions
+    old = getattr(written.target.surface, "shape", written.target.surface).positions
+    return (new != old).any(axis=1)
 
 
 def _new(written: list[Written]) -> list[bpy.types.Object]:
@@ -272,7 +284,10 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
         found.append(text.format(count=marked))
     for obj in objects if parameters.output in {"MESH", "AUTO"} else []:
         key = obj.active_shape_key
-        if key is not None and key.value == 0.0 and not _shows_key(obj, key):
+        if key is not None and _is_muted(obj, key):
+            text = pgettext_rpt("The shape key {name} is muted; unmute it to see the change.")
+            found.append(text.format(name=key.name))
+        elif key is not None and key.value == 0.0 and not _shows_key(obj, key):
             text = pgettext_rpt(
                 "The value of the shape key {name} is 0; raise it to see the change."
             )
@@ -289,6 +304,12 @@ def _other_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
 def _hides_marks(obj: bpy.types.Object) -> bool:
     # Whether it has edges that are marked as sharp, and is shaded flat.
     return data.mesh.shading.is_flat(obj.data) and data.mesh.shading.count_marks(obj.data) > 0
+
+
+def _is_muted(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:
+    """Whether an object does not show its active shape key because it is muted, even if pinned."""
+    keys = obj.data.shape_keys
+    return key.mute and key != keys.reference_key and keys.use_relative and obj.mode != "EDIT"
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:

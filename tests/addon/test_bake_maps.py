@@ -224,6 +224,25 @@ def test_what_is_missing_is_said(low):
         bake()
 
 
+def test_materials_that_cannot_take_the_maps_are_named(low, tmp_path, select):
+    path = str(tmp_path / "low.blend")
+    bpy.data.libraries.write(path, {low.data})
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.meshes = [low.data.name]
+    linked = bpy.data.objects.new("Linked", wanted.meshes[0])
+    bpy.context.collection.objects.link(linked)
+    low.data.materials.append(bpy.data.materials.new("Plain"))
+    if bpy.app.version >= (5, 0, 0):  # all materials have nodes
+        select(linked)
+    else:
+        select(low, linked)
+    assert bake(maps={"curvature", "occlusion"}) == {"FINISHED"}
+    said = operators.summaries["maps"]
+    assert not linked.material_slots
+    assert "Linked cannot take a node; name " in said
+    assert "Plain cannot take a node; name " in said or bpy.app.version >= (5, 0, 0)
+
+
 def test_remeshed_sharpened_simplified_and_baked(select):
     """The whole road: the low poly with its maps is near the sharpened mesh."""
     bpy.ops.mesh.primitive_cube_add(size=2)

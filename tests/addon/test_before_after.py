@@ -269,6 +269,26 @@ def test_replaced_pixels(photo):
     np.testing.assert_array_equal(pixels_of(photo), painted)
 
 
+def of_generated():
+    bpy.ops.shock_filter.generate(image="Wood")
+
+
+def of_sharpened():
+    bpy.ops.shock_filter.sharpen_texture(output="REPLACE", time=64.0)
+
+
+@pytest.mark.parametrize("press", [of_generated, of_sharpened])
+def test_replaced_pixels_of_a_texture_come_back_in_the_3d_view(wood, press):
+    start = pixels_of(wood)
+    press()
+    assert (pixels_of(wood) != start).any()
+    assert comparing.is_held(bpy.context)
+    assert swap() == {"FINISHED"}
+    np.testing.assert_array_equal(pixels_of(wood), start)
+    bpy.context.object.select_set(False)
+    assert not comparing.is_held(bpy.context)
+
+
 def test_other_settings_after_a_swap_begin_with_the_old_pixels(photo):
     bpy.ops.shock_filter.sharpen_image(image="Photo", output="REPLACE", time=16.0)
     once = pixels_of(photo)

@@ -201,6 +201,63 @@ def test_objects_that_share_a_mesh_share_its_low_poly(rounded_box):
     assert "Cube low poly, Cube.001 low poly: " in base.summaries["geometry"]
 
 
+def doubled_by_a_modifier(box):
+    array = box.modifiers.new("Array", "ARRAY")
+    array.use_relative_offset, array.use_constant_offset = False, True
+    array.constant_offset_displace = (4.0, 0.0, 0.0)
+
+
+def stretched_by_a_key(box):
+    box.shape_key_add(name="Basis")
+    key = box.shape_key_add(name="Long")
+    for point in key.points:
+        point.co.x *= 3.0
+    key.value = 1.0
+
+
+@pytest.mark.parametrize("change", [doubled_by_a_modifier, stretched_by_a_key])
+def test_what_is_seen_becomes_a_low_poly(rounded_box, change):
+    box = rounded_box()
+    box.data.materials.append(bpy.data.materials.new("Gray"))
+    change(box)
+    twin = box.copy()
+    bpy.context.collection.objects.link(twin)
+    twin.select_set(False)
+    bpy.context.view_layer.update()
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    low = bpy.context.object
+    np.testing.assert_allclose(low.dimensions, box.dimensions, atol=0.2)
+    assert list(low.data.materials) == list(box.data.materials)
+    assert low.data.uv_layers and not low.modifiers
+    assert not twin.hide_get()
+
+
+def test_linked_objects_become_a_low_poly(rounded_box, tmp_path, select):
+    path = str(tmp_path / "box.blend")
+    bpy.data.libraries.write(path, {rounded_box()})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["Cube"]
+    bpy.context.collection.objects.link(wanted.objects[0])
+    select(wanted.objects[0])
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    low = bpy.context.object
+    assert low.library is None and low.data.library is None and len(low.data.polygons) < 200
+
+
+def test_a_low_poly_follows_the_parent_of_what_it_was_made_of(rounded_box):
+    box = rounded_box()
+    bpy.ops.object.empty_add(location=(0.0, 0.0, 3.0))
+    parent = bpy.context.object
+    box.parent, box["own"] = parent, 7
+    parent.select_set(False)
+    box.select_set(True)
+    bpy.ops.shock_filter.crisp_low_poly()
+    low = next(obj for obj in bpy.context.selected_objects if obj != box)
+    assert low.parent == parent and low["own"] == 7
+    assert low.matrix_world == box.matrix_world
+
+
 def test_new_objects_are_made_in_object_mode(rounded_box):
     rounded_box()
     bpy.ops.object.mode_set(mode="EDIT")

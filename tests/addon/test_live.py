@@ -440,6 +440,40 @@ def test_a_live_copy_remembers_its_source(joined_cubes):
         live.update(copy)
 
 
+def by_apply(copy):
+    bpy.ops.object.modifier_apply(modifier=live_modifier(copy).name)
+
+
+def by_output_mesh(copy):
+    sharpen(output="MESH", where="everywhere")
+
+
+def by_output_object(copy):
+    sharpen(output="OBJECT", where="everywhere")
+
+
+@pytest.mark.parametrize("end", [by_apply, by_output_mesh, by_output_object])
+def test_what_is_live_no_more_is_no_copy_that_a_source_overwrites(joined_cubes, end):
+    operand = joined_cubes[1]
+    sharpen(output="LIVE", where="everywhere", time=1.0)
+    bpy.ops.shock_filter.auto_update_live()
+    end(bpy.context.object)
+    own = bpy.context.object
+    assert live_source(own) is None and not automatic.is_on(own)
+    own.data.vertices[0].co.z = 9.0
+    own.data.update()
+    sculpted = read_positions(own.data)
+    operand.location.x = 0.7
+    bpy.context.view_layer.update()
+    assert own not in automatic.due()
+    assert not bpy.ops.shock_filter.auto_update_live.poll()
+    sharpen(output="LIVE", where="everywhere")
+    assert bpy.context.object == own and live_source(own) is None
+    np.testing.assert_array_equal(read_positions(own.data), sculpted)
+    live.update(own)
+    np.testing.assert_array_equal(read_positions(own.data), sculpted)
+
+
 def states_after(operator, name, count):
     """Undo or redo some steps; return the state of a copy after each."""
     found = []

@@ -64,6 +64,24 @@ def test_a_new_key_holds_the_result_and_the_mesh_stays(rounded_box, sharpened):
     np.testing.assert_allclose(seen(box), before, atol=1e-7)
 
 
+def test_no_key_is_added_where_nothing_has_changed(rounded_box, capfd):
+    box = rounded_box()
+    sharpen(output="SHAPE_KEY", where="everywhere", time=0.0)
+    assert box.data.shape_keys is None
+    assert "Nothing has changed, so no shape key was added." in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("is_pinned", [False, True])
+def test_a_muted_key_that_has_changed_is_named(keyed, capfd, is_pinned):
+    keyed.active_shape_key_index = 1
+    keyed.active_shape_key.mute = True
+    keyed.show_only_shape_key = is_pinned
+    before = seen(keyed)
+    sharpen()
+    np.testing.assert_array_equal(seen(keyed), before)
+    assert "The shape key Lifted is muted; unmute it to see" in capfd.readouterr().out
+
+
 def test_a_new_key_sharpens_what_is_seen(keyed, sharpened):
     keyed.data.shape_keys.key_blocks["Lifted"].value = 0.5
     before, shown = keys_of(keyed), shape_keys.visible_shape(keyed, "OBJECT")

@@ -124,6 +124,35 @@ def softness(pixels):
 # ------------------------------------------------------------------------------ images and results
 
 
+def test_a_report_says_that_only_what_lies_beside_the_charts_has_changed():
+    pixels = np.full((SIZE, SIZE, 4), (0.2, 0.4, 0.6, 1.0), np.float32)
+    pixels[:, : SIZE // 2 - 4, :3] = 0.0
+    image = add_image(pixels=pixels)
+    add_sheet(material=add_material(image), left=0.5)
+    sharpen()
+    said = operators.summaries["texture"]
+    assert said.startswith("Nothing in Wood has changed but what lies beside the charts, in Wood")
+    result = bpy.data.images["Wood sharpened"]
+    assert (read(result) != read(image)).any()
+
+
+def test_the_uv_map_that_the_material_names_is_read(sheet):
+    mesh, tree = sheet.obj.data, sheet.obj.active_material.node_tree
+    sharpen(output="NEW", assign=False, time=64.0)
+    wanted = read(bpy.data.images["Wood sharpened"])
+    for point in mesh.uv_layers.new(name="Light map").uv:
+        point.vector = 0.1 * point.vector
+    mesh.uv_layers.active_index = 1
+    image_node = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
+    named = tree.nodes.new("ShaderNodeUVMap")
+    tree.links.new(named.outputs["UV"], image_node.inputs["Vector"])
+    for name, same in (("Layout", True), ("", False), ("gone", False), ("Light map", False)):
+        named.uv_map = name
+        sharpen(output="NEW", time=64.0)
+        assert np.array_equal(read(image_node.image), wanted) == same
+        image_node.image = sheet.image
+
+
 @pytest.mark.parametrize("float_buffer", [False, True])
 def test_a_soft_edge_becomes_sharp_in_a_new_image(float_buffer):
     image = add_image(float_buffer=float_buffer)

@@ -180,6 +180,14 @@ def test_the_order_of_pictures_does_not_matter(photos):
 
 
 @pytest.mark.parametrize("is_float", [False, True])
+def test_what_is_opaque_stays_opaque(rounded_box, is_float):
+    # Also the few texels along seams whose colors are those of points on the seams.
+    show(rounded_box(), add_image("Opaque", waves(), float_buffer=is_float))
+    assert stitch_textures() == {"FINISHED"}
+    np.testing.assert_allclose(read("Opaque stitched")[..., 3], 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("is_float", [False, True])
 def test_pictures_without_opacity_count_everywhere(is_float):
     sheet = add_sheet()
     for name, step in (("Dark", 0.0), ("Bright", STEP)):

@@ -12,9 +12,9 @@ from bpy.app.translations import pgettext_rpt
 
 from ....core.host.fields import BakeSurface, WorldMesh
 from ....core.maps.names import SUFFIXES
-from ..chosen import find_again, mesh_objects, mesh_users, uids_of
+from ..chosen import find_again, mesh_objects, mesh_refusal, mesh_users, uids_of
 from ..mesh import meshes
-from ..skipped import Skipped, as_reason, sentences
+from ..skipped import Skipped, as_reason, listed, sentences
 from . import fields, images, in_world, textures
 
 _OF_HIGH = "normals", "displacement", "colors"
@@ -130,16 +130,19 @@ def show(target: BakeTarget, made: dict[str, bpy.types.Image]) -> tuple[list[str
     lost : list of str
         A sentence for each object that was left alone.
     notes : list of str
-        A sentence for each object that got a material.
+        A sentence for each object that got a material, or could not get the maps.
     """
     (objects, lost), notes = find_again(target.objects), []
     for obj in objects:
         material = obj.active_material
-        if material is None:
+        if material is None and not mesh_refusal(obj.data):
             material = fields.give_material(obj)
             text = pgettext_rpt("{name} had no material, and got one with the maps.")
             notes.append(text.format(name=obj.name))
-        if material.library is not None or material.node_tree is None:
+        if material is None or material.library is not None or material.node_tree is None:
+            text = pgettext_rpt("{name} cannot take a node; name {image} in one by hand.")
+            names = listed([image.name for image in made.values()])
+            notes.append(text.format(name=(material or obj).name, image=names))
             continue
         for key, image in made.items():
             _link(material, key, fields.image_node(material, image, activate=False))

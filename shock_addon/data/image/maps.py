@@ -52,7 +52,7 @@ def maps_of(context: bpy.types.Context, image: bpy.types.Image) -> Maps:
         for node in image_nodes(each)
         if node.image is not None and not is_beside(node)
     ]
-    places = {_coordinates(node) for node in nodes if node.image == lead}
+    places = {coordinates_of(node) for node in nodes if node.image == lead}
     followers: dict[bpy.types.Image, str] = {}
     left: dict[str, str] = {}
     for node in nodes:
@@ -74,7 +74,7 @@ def _check(
     node: bpy.types.ShaderNodeTexImage, lead: bpy.types.Image, places: set[tuple[str, ...]]
 ) -> None:
     image = node.image
-    if _coordinates(node) not in places:
+    if coordinates_of(node) not in places:
         raise Skipped("it lies on the surface in another way than {lead}", lead=lead.name)
     if image.source != lead.source and "TILED" in {image.source, lead.source}:
         raise Skipped("one of it and {lead} has UDIM tiles", lead=lead.name)
@@ -84,7 +84,7 @@ def _check(
             raise Skipped("its tiles are other ones than those of {lead}", lead=lead.name)
 
 
-def _coordinates(node: bpy.types.ShaderNodeTexImage) -> tuple[str, ...]:
+def coordinates_of(node: bpy.types.ShaderNodeTexImage) -> tuple[str, ...]:
     """Return a key for the source of a node's coordinates, equal for the same UV map."""
     socket = node.inputs["Vector"]
     while socket.is_linked:

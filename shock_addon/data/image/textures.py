@@ -23,7 +23,7 @@ from ..mesh.masks import color_mask
 from ..skipped import Skipped, as_reason, sentences, skip_if
 from . import images as image_data
 from .images import ImageTarget
-from .maps import normals_in
+from .maps import coordinates_of, normals_in
 from .tiles import Tiles
 
 Floats = npt.NDArray[np.float64]
@@ -244,7 +244,7 @@ def _read_faces(
     """Read the faces whose material shows the image, or all."""
     meshes.check_readable(obj)
     mesh = obj.data
-    layer = mesh.uv_layers.active
+    layer = _uv_layer(obj, image)
     if layer is None:
         raise Skipped("it has no UV map; unwrap it in Edit Mode (UV > Unwrap)")
     corners = meshes.read_triangle_corners(mesh)
@@ -268,6 +268,17 @@ def _read_faces(
         _grays(mesh, parameters, vertices, corners),
         _normals(mesh, corners, matrix) if with_normals else None,
     )
+
+
+def _uv_layer(
+    obj: bpy.types.Object, image: bpy.types.Image | None
+) -> bpy.types.MeshUVLoopLayer | None:
+    """Return the UV map by which the materials of an object show an image, else the active one."""
+    layers = obj.data.uv_layers
+    slots = [slot.material for slot in obj.material_slots] if image is not None else []
+    nodes = [node for material in filter(None, slots) for node in image_nodes(material)]
+    sources = {coordinates_of(node) for node in nodes if node.image == image}
+    return next((each for each in layers if sources == {("UV", each.name)}), layers.active)
 
 
 def _faces_with(obj: bpy.types.Object, image: bpy.types.Image) -> npt.NDArray[np.bool_]:

@@ -8,11 +8,11 @@ from typing import Any
 
 import bpy
 
-from .. import LIVE_SOURCE
+from .. import LIVE_AUTO, LIVE_SOURCE
 from ..chosen import live_source
 from ..mesh import visible
 from ..mesh.targets import MeshTarget, find
-from . import coloring, movement, results, watching
+from . import coloring, movement, results, stacks, watching
 
 
 def write(target: MeshTarget, result: Any) -> bpy.types.Object:
@@ -40,6 +40,13 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
         new[LIVE_SOURCE] = obj
         watching.note_updated(new)
     return new
+
+
+def release(mesh: bpy.types.Mesh) -> None:
+    """Take the objects that show a mesh for live copies no more: it is not made of a source."""
+    for obj in stacks.users_of(mesh):
+        for key in (LIVE_SOURCE, LIVE_AUTO, watching.SEEN, watching.CHANGED):
+            obj.pop(key, None)
 
 
 def _is_copy_of(source: bpy.types.Object) -> Callable[[bpy.types.Object], bool]:

@@ -105,7 +105,8 @@ def write_geometry(
     place, old, mask = target.place, target.surface.positions, target.surface.mask
     check_same(source(obj, place), old)
     if place.output == "SHAPE_KEY":
-        shape_keys.add(obj, key_name, old, result.positions, place.mode)
+        if (result.positions != old).any():  # else it would be of no use
+            shape_keys.add(obj, key_name, old, result.positions, place.mode)
     elif obj.data.shape_keys is None:
         meshes.write_positions(obj.data, result.positions)
     else:

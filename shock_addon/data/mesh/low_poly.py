@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from ....core.host.inputs import CutSurface
 from .. import arrays
-from ..chosen import mesh_objects
+from ..chosen import mesh_objects, mesh_refusal
 from . import creases, meshes, visible
-from .targets import MeshTarget
+from .targets import MeshTarget, find
 
 if TYPE_CHECKING:
     from ....core.shape.low_poly import LowPoly
@@ -35,26 +35,42 @@ def read_cut(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[None, C
     )
 
 
+def is_seen(obj: bpy.types.Object) -> bool:
+    """Whether what is seen of an object is read: modifiers, shape keys, or a linked mesh."""
+    return bool(obj.modifiers or obj.data.shape_keys or mesh_refusal(obj.data))
+
+
 def add_low_poly(
     target: MeshTarget, low: LowPoly, context: bpy.types.Context
 ) -> list[bpy.types.Object]:
     """Add an object with the new mesh for each chosen one of the old mesh, which are hidden.
 
-    Materials and UVs are those of the old mesh; other attributes, shape keys and modifiers are left
-    out. The object of the target comes first.
+    Materials and UVs are those of what was read; other attributes, shape keys and modifiers are
+    left out. The object of the target comes first.
 
     Raises
     ------
     Skipped
         If the object was removed or its shape has changed since it was read.
     """
+    if target.is_seen:
+        obj = find(target)
+        with visible.shown(obj) as found:
+            arrays.check_same(meshes.read_positions(found.data), target.surface.positions)
+            mesh = _build(f"{obj.name} low poly", found.data, low)
+        return [_put_in_place(obj, mesh)]
     obj = creases.find_same(target)
-    old = obj.data
+    mesh = _build(f"{obj.name} low poly", obj.data, low)
+    users = [each for each in mesh_objects(context) if each.data == obj.data and not is_seen(each)]
+    return [_put_in_place(each, mesh) for each in (obj, *(user for user in users if user != obj))]
+
+
+def _build(name: str, old: bpy.types.Mesh, low: LowPoly) -> bpy.types.Mesh:
     old_corners = meshes.read_triangle_corners(old)
-    mesh = bpy.data.meshes.new(f"{obj.name} low poly")
+    mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(low.vertices.tolist(), [], low.faces.tolist())
     for material in old.materials:
-        mesh.materials.append(material)
+        mesh.materials.append(None if material is None else material.original)
     numbers = _materials(old)[low.face_source].astype(np.int32)
     arrays.write(mesh.polygons, "material_index", numbers, np.int32)
     corners = old_corners.reshape(-1)[low.corner_source.reshape(-1)]
@@ -64,18 +80,14 @@ def add_low_poly(
         new.active_render = layer.active_render
     mesh.uv_layers.active_index = old.uv_layers.active_index
     mesh.update()
-    others = [each for each in mesh_objects(context) if each.data == old and each != obj]
-    return [_put_in_place(each, mesh) for each in (obj, *others)]
+    return mesh
 
 
 def _put_in_place(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> bpy.types.Object:
     # Adds an object with the new mesh, and hides the old object.
-    made = bpy.data.objects.new(f"{obj.name} low poly", mesh)
-    made.matrix_world = obj.matrix_world
+    made = visible.with_mesh(obj, mesh)
+    made.name = f"{obj.name} low poly"
     visible.place(made, obj)
-    for slot, old in zip(made.material_slots, obj.material_slots, strict=False):
-        if old.link == "OBJECT":
-            slot.link, slot.material = "OBJECT", old.material
     return made
 
 

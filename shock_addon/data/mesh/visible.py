@@ -75,6 +75,9 @@ class _Shown:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._obj, name)
 
+    def __contains__(self, key: str) -> bool:
+        return key in self._obj
+
 
 def write_new(
     target: MeshTarget,
@@ -192,6 +195,11 @@ def _copy(obj: bpy.types.Object) -> bpy.types.Object:
         mesh = bpy.data.meshes.new_from_object(
             seen, preserve_all_data_layers=bool(obj.vertex_groups), depsgraph=graph
         )
+    return with_mesh(obj, mesh)
+
+
+def with_mesh(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> bpy.types.Object:
+    """Add an object in no scene that is like another one, with another mesh and no modifiers."""
     new = obj.copy()
     new.modifiers.clear()
     new.data = mesh
