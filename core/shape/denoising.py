@@ -185,7 +185,7 @@ def denoise_geometry(
     positions are fitted to the mixture (see `fit_to_normals`). It is told how far the smoothings
     are apart and how high the surface is that they take off, around the face, so that it tells
     noise from relief. Faces around which nothing turns stay bit for bit, as do those that can have
-    no noise: most faces around lie in planes with others and are of very uneven sizes, as in what
+    no noise: most faces around lie in planes with others and have edges of many lengths, as in what
     design programs export, or their component has up to 32 faces. Where a move would leave
     faces farther from the mixture than they were given, as it may with long thin faces, the
     vertices go back, more the farther.

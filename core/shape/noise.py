@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask, phase
+from ..base.vectors import after, dot, edge
 from ..beltrami.mesh_smoothing import decay, smooth_faces
 from ..mesh.calculus import average_to_faces, make_unit
 from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
@@ -26,9 +27,14 @@ PLANE = 0.02, 0.06
 """Degrees between neighbouring faces up to which they are in one plane, and from which they are
 not: more than single precision leaves, and far below any noise that is seen."""
 
-DESIGNED, UNEVEN = (0.6, 0.95), (0.3, 0.6)
-"""Shares of faces with a neighbour in their plane, and deviations of the logarithm of areas, within
-two rings, from which faces count as made by a design program, and fully."""
+DESIGNED, UNEVEN, TILED = (0.6, 0.95), (0.35, 0.55), (0.03, 0.15)
+"""What counts, within two rings, as made by a design program, from the first number on and fully
+from the second: shares of faces with a neighbor in their plane, and deviations of the logarithm of
+lengths of edges. Not where faces are tiles, in so large a share within four rings."""
+
+EQUAL, MANY = 0.03, (300, 1000)
+"""Areas of tiles differ by less; and how many there are from which they count, and fully: fewer are
+a model's own."""
 
 FEW = 32, 128
 """Faces of a connected component up to which there can be no noise, and from which there can."""
@@ -38,24 +44,31 @@ def possible_noise(mesh: TriangleMesh) -> Floats:
     """Tell where faces can have noise: (m,), from 0 for none to 1.
 
     Noise leaves hardly any two faces in one plane. So there is none where most faces have a
-    neighbour in their plane, unless faces are of one size, as those of voxels and of terraces are.
+    neighbor in their plane and edges are of many lengths. Voxels and the terraces of depth cameras
+    also lie in planes, but among tiles: faces with two neighbors in their plane that are as large.
     And components of some dozens of faces are too small for telling noise from shape.
     """
-    told = np.empty((mesh.face_count, 3))
-    run(_find_planes, mesh.face_count, mesh.twins, mesh.areas, mesh.normals,
-        max(mesh.areas.mean(), 1e-300), np.radians(PLANE), told)  # fmt: skip
-    for _ in range(2):
-        told = average_to_faces(mesh, average_around(mesh, told).astype(np.float64))
-    in_planes, mean, square = told.T
+    told = np.empty((mesh.face_count, 4))
+    run(_find_planes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas,
+        mesh.normals, np.radians(PLANE), EQUAL, told)  # fmt: skip
+    near = _spread(mesh, _spread(mesh, told))
+    tiled = _spread(mesh, _spread(mesh, near[:, 1:2]))[:, 0]
+    in_planes, _, mean, square = near.T
     uneven = np.sqrt(np.maximum(square - mean * mean, 0.0))
     designed = _between(in_planes, DESIGNED) * _between(uneven, UNEVEN)
+    designed *= 1.0 - _between(tiled, TILED) * _between(told[:, 1].sum(), MANY)
     a, b, c = mesh.faces.T
     _, part = connected_components(mesh.vertex_count, np.append(a, b), np.append(b, c))
     faces = np.bincount(part[a], minlength=1)[part[a]]
     return (1.0 - designed) * _between(np.log(faces), (log(FEW[0]), log(FEW[1])))
 
 
-def _between(values: Floats, ends: tuple[float, float]) -> Floats:
+def _spread(mesh: TriangleMesh, values: Floats) -> Floats:
+    # Means over the faces around each face's vertices, large or small.
+    return average_to_faces(mesh, average_around(mesh, values).astype(np.float64))
+
+
+def _between(values: Floats | float, ends: tuple[float, float]) -> Floats:
     return np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
 
 
@@ -123,21 +136,28 @@ def _normal_steps(start, stop, twins, areas, normals, steps):
 
 
 @kernel
-def _find_planes(start, stop, twins, areas, normals, size, ends, told):
-    # How far a neighbour is in the plane of each face; the logarithm of its area, and the square.
+def _find_planes(start, stop, places, faces, twins, areas, normals, ends, equal, told):
+    # How far a neighbor is in the plane of each face; whether it is a tile; the mean logarithm of
+    # its edges' lengths, and the mean square.
     for f in range(start, stop):
-        least = 4.0
+        least, alike = 4.0, 0
+        told[f, 2] = told[f, 3] = 0.0
         for k in range(3):
+            e = edge(places, faces[f, k], faces[f, after(k)])
+            length = 0.5 * np.log(max(dot(e, e), 1e-6))
+            told[f, 2] += length / 3.0
+            told[f, 3] += length * length / 3.0
             g = twins[f, k] // 3
             if twins[f, k] >= 0 and areas[f] > 0 and areas[g] > 0:
                 square = 0.0
                 for x in range(3):
                     square += (normals[f, x] - normals[g, x]) ** 2
                 least = min(least, square)
+                if square < ends[1] ** 2 and abs(areas[g] - areas[f]) < equal * areas[f]:
+                    alike += 1
         t = (np.sqrt(least) - ends[0]) / (ends[1] - ends[0])
         told[f, 0] = 1.0 - min(max(t, 0.0), 1.0)
-        told[f, 1] = np.log(max(areas[f] / size, 1e-9))
-        told[f, 2] = told[f, 1] ** 2
+        told[f, 1] = 1.0 if alike > 1 else 0.0
 
 
 @kernel
