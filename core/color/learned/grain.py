@@ -49,9 +49,9 @@ def give_grain_back(planes: Planes, values: Singles, span: float) -> None:
             for each in (planes.values, values)
         )
         lost -= kept
-        lost = np.ascontiguousarray(lost[first - outer.start : last - outer.start])
         if planes.opacity.size:
-            lost *= planes.opacity[first:last]
+            lost *= _known(planes.opacity[outer])
+        lost = np.ascontiguousarray(lost[first - outer.start : last - outer.start])
         _shares(planes.averaged(lost[None], first, NEAR, start, stop)[0], span, NOISE,
                 shares[start:stop])  # fmt: skip
 
@@ -64,6 +64,16 @@ def give_grain_back(planes: Planes, values: Singles, span: float) -> None:
         else:
             run(find_shares, height, chunk=STRIP)
         run(mix, height, chunk=STRIP)
+
+
+def _known(opacity: Singles) -> Singles:
+    # Opacity where slopes are known: not beside hidden pixels, whose values say nothing.
+    seen = opacity > 0
+    known = seen.copy()
+    for one, other in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+        known[one] &= seen[other]
+        known[other] &= seen[one]
+    return opacity * known
 
 
 @kernel
