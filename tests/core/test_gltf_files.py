@@ -337,7 +337,7 @@ def test_colors_that_also_serve_as_moves_leave_these_alone():
 
 
 def test_colors_of_three_bytes_are_padded_to_four_where_they_are_stored_anew():
-    """glTF asks for it."""
+    """The format asks for it."""
     tree = with_twin()
     tree["accessors"][4]["type"], tree["bufferViews"][4]["byteStride"] = "VEC3", 4
 
