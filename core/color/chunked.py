@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import LARGEST as LARGEST_MEASURED
 from ..base.checks import (
     check_kind_of_image,
     check_shape_of_mask,
@@ -154,9 +155,11 @@ def smooth_chunks(image: Dask, settings: BeltramiSettings, mask: npt.ArrayLike |
     pixels = _checked_picture(image)
     weights = _checked_mask(mask, pixels)
     sources = [pixels] if weights is None else [pixels, weights]
-    settings = with_beta(settings, _Windows(pixels))
+    largest = LARGEST_MEASURED if settings.by_noise else None
+    settings = with_beta(settings, _Windows(pixels, largest))
     halo = settings.iterations * reach_of(settings) if settings.time > 0 else 0
-    return _over_chunks(image, sources, partial(_smooth_part, settings=settings), halo)
+    function = partial(_smooth_part, settings=settings, largest=largest)
+    return _over_chunks(image, sources, function, halo)
 
 
 def evolve_chunks(image: Dask, steps: int, time_step: float, detector: int) -> Dask:
@@ -213,11 +216,12 @@ def _checked_lead(
 class _Windows:
     """An image that is read window by window."""
 
-    def __init__(self, pixels: Dask) -> None:
+    def __init__(self, pixels: Dask, largest: float | None) -> None:
         self._pixels, self.shape, self.dtype = pixels, pixels.shape, pixels.dtype
+        self._largest = largest
 
     def __getitem__(self, window: tuple[slice, slice]) -> npt.NDArray:
-        return checked_image(_computed([self._pixels[window]])[0])
+        return checked_image(_computed([self._pixels[window]])[0], self._largest)
 
 
 class _View:
@@ -312,9 +316,13 @@ def _sharpen_part(
 
 
 def _smooth_part(
-    crops: Sequence[npt.NDArray], part: Part, *, settings: BeltramiSettings
+    crops: Sequence[npt.NDArray],
+    part: Part,
+    *,
+    settings: BeltramiSettings,
+    largest: float | None,
 ) -> npt.NDArray:
-    image = checked_image(crops[0])
+    image = checked_image(crops[0], largest)
     mask = checked_weights(crops[1][..., 0] if len(crops) > 1 else None, image)
     return smoothed_image(image, settings, mask)[part.rows, part.columns].copy()
 

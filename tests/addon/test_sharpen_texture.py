@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators Sharpen Texture, Dilate Texture and Denoise Texture."""
 
+import itertools
 import os
 from types import SimpleNamespace
 
@@ -136,7 +137,8 @@ def test_a_report_says_that_only_what_lies_beside_the_charts_has_changed():
     assert (read(result) != read(image)).any()
 
 
-def test_the_uv_map_that_the_material_names_is_read(sheet):
+@pytest.mark.parametrize("between", [[], ["NodeReroute"], ["ShaderNodeMapping"]], ids=str)
+def test_the_uv_map_that_the_material_names_is_read(sheet, between):
     mesh, tree = sheet.obj.data, sheet.obj.active_material.node_tree
     sharpen(output="NEW", assign=False, time=64.0)
     wanted = read(bpy.data.images["Wood sharpened"])
@@ -145,7 +147,9 @@ def test_the_uv_map_that_the_material_names_is_read(sheet):
     mesh.uv_layers.active_index = 1
     image_node = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
     named = tree.nodes.new("ShaderNodeUVMap")
-    tree.links.new(named.outputs["UV"], image_node.inputs["Vector"])
+    ends = [named, *map(tree.nodes.new, between), image_node]
+    for one, other in itertools.pairwise(ends):
+        tree.links.new(one.outputs[0], other.inputs[0])
     for name, same in (("Layout", True), ("", False), ("gone", False), ("Light map", False)):
         named.uv_map = name
         sharpen(output="NEW", time=64.0)

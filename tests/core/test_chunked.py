@@ -152,6 +152,7 @@ REFUSED = {
     "guide": lambda of: core.sharpen_image(of(shapes()), guide=of(np.ones((9, 9)))),
     "guide, independent": lambda of: core.sharpen_image(
         of(shapes()), core.ImageSettings(channels="independent"), guide=of(shapes())),
+    "huge noise": lambda of: core.beltrami_image(of(bad_pixel(1e200, np.float64))),
     "PDE's type": lambda of: core.osher_rudin_image(of(shapes()), steps=3),
     "PDE's values": lambda of: core.osher_rudin_image(of(bad_pixel(1e12)), steps=3),
 }  # fmt: skip

@@ -310,6 +310,48 @@ def test_normals_that_are_stored_as_positions_leave_these_alone():
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
 
 
+def test_normals_that_also_serve_as_colors_leave_these_alone():
+    """As those of green ground, where y is up, would."""
+    tree = description()
+    tree["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2
+    write(tree)
+    filter_mesh_file(lambda mesh, mask: mesh.vertices * [1, 1, 0.5], "in.gltf", "out.gltf")
+    (colors,), _ = arrays_of("out.gltf", "COLOR_0")
+    np.testing.assert_array_equal(colors, NORMALS)
+    (normals,), _ = arrays_of("out.gltf", "NORMAL")
+    assert not np.array_equal(normals, NORMALS)
+
+
+def test_colors_that_also_serve_as_moves_leave_these_alone():
+    tree = description()
+    primitive = tree["meshes"][0]["primitives"][0]
+    primitive["attributes"]["COLOR_0"] = 2
+    primitive["targets"] = [{"POSITION": 2}]
+    write(tree)
+    filter_colors_file(lambda mesh, colors, mask=None: colors + 0.25, "in.gltf", "out.gltf")
+    tree = json.loads(Path("out.gltf").read_text())
+    moves = tree["meshes"][0]["primitives"][0]["targets"][0]["POSITION"]
+    np.testing.assert_array_equal(GltfFile(Path("out.gltf"))._array(moves), NORMALS)
+    (colors,), _ = arrays_of("out.gltf", "COLOR_0")
+    np.testing.assert_array_equal(colors, NORMALS + 0.25)
+
+
+def test_colors_of_three_bytes_are_padded_to_four_where_they_are_stored_anew():
+    """The format asks for it."""
+    tree = with_twin()
+    tree["accessors"][4]["type"], tree["bufferViews"][4]["byteStride"] = "VEC3", 4
+
+    def by_place(mesh, colors, mask=None):
+        return np.full_like(colors, 0.2 if mesh.vertices[:, 0].max() < 5 else 0.8)
+
+    write(tree)
+    filter_colors_file(by_place, "in.gltf", "out.gltf")
+    found, accessors = arrays_of("out.gltf", "COLOR_0")
+    assert [each.max() for each in found] == [51, 204]
+    views = json.loads(Path("out.gltf").read_text())["bufferViews"]
+    assert [views[each["bufferView"]]["byteStride"] for each in accessors] == [4, 4]
+
+
 def test_meshes_that_share_colors_get_their_own_where_they_differ():
     def by_place(mesh, colors, mask=None):
         return np.full_like(colors, 0.2 if mesh.vertices[:, 0].max() < 5 else 0.8)

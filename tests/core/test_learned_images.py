@@ -312,6 +312,17 @@ def test_strong_grain_stays():
     assert np.abs(np.diff(sizes)).max() < 0.004
 
 
+def test_hidden_pixels_are_no_grain():
+    below, right = np.mgrid[:96, :96]
+    away = np.hypot(below - 48, right - 48)
+    flat = np.where(right < 16, 0.7, 0.9)[..., None]
+    image = np.dstack([flat + 0.02 * np.random.default_rng(64).normal(size=(96, 96, 3)), away < 40])
+    image[away >= 40] = 0
+    noise = core.sharpen_image(image.astype(np.float32))[..., :3] - flat
+    rim, middle = (noise[place & (right > 24)] for place in ((away < 39) & (away > 34), away < 20))
+    assert rms(rim) < 1.5 * rms(middle)
+
+
 def test_strong_grain_stays_beside_borders_that_become_sharp():
     image = as_bytes(blurred(drawing(62), 2.0)).astype(np.float32) / 255
     given = image.copy()

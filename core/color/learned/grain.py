@@ -2,8 +2,8 @@
 """Grain that is too strong for noise stays: that of asphalt, fur and rough stone.
 
 Networks are not told how bright an image is, so that strong fine texture looks like noise to them.
-Noise is alike in no two channels, and weak beside what an image shows; so the grain that all
-channels lose is compared with the range of the smoothed image.
+The noise of photos differs from channel to channel, and is weak beside what they show. So the grain
+that the mean of all channels loses is compared with the range of the smoothed image.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from .planes import Planes, gaussian_of
 from .surroundings import STRIP, Singles
 
 NOISE = 0.06, 0.12
-"""Strength of grain, in the range of the smoothed image, from which it is given back, and fully:
-half the noise in a photo of full range would be 15 levels of 255."""
+"""Strength of grain, as a share of the range of the smoothed image, from which it is given back,
+and fully. In a photo of full range the first is 15 levels of 255 in the mean of the channels: noise
+of 26 levels in each of three. Images of one channel have no others that the noise cancels with."""
 
 NEAR = 4.0
 """Sigma of the smoothing of what is lost."""
@@ -49,9 +50,9 @@ def give_grain_back(planes: Planes, values: Singles, span: float) -> None:
             for each in (planes.values, values)
         )
         lost -= kept
-        lost = np.ascontiguousarray(lost[first - outer.start : last - outer.start])
         if planes.opacity.size:
-            lost *= planes.opacity[first:last]
+            lost *= _known(planes.opacity[outer])
+        lost = np.ascontiguousarray(lost[first - outer.start : last - outer.start])
         _shares(planes.averaged(lost[None], first, NEAR, start, stop)[0], span, NOISE,
                 shares[start:stop])  # fmt: skip
 
@@ -64,6 +65,16 @@ def give_grain_back(planes: Planes, values: Singles, span: float) -> None:
         else:
             run(find_shares, height, chunk=STRIP)
         run(mix, height, chunk=STRIP)
+
+
+def _known(opacity: Singles) -> Singles:
+    # Opacity where slopes are known: not beside hidden pixels, whose values say nothing.
+    seen = opacity > 0
+    known = seen.copy()
+    for one, other in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+        known[one] &= seen[other]
+        known[other] &= seen[one]
+    return opacity * known
 
 
 @kernel

@@ -4,8 +4,8 @@
 Not in the papers. The networks have learned from made pictures (`tools/training`) how much of each
 difference brings a spoiled picture back. Shares may have any sign; each stage's result is kept
 between the least and the greatest value within 7 pixels. Nothing is decided by a threshold, so that
-what changes little has a result that changes little. At last, `grain` comes back where it is too
-strong for noise.
+what changes little has a result that changes little. Finally, `grain` gives back what is too strong
+for noise.
 """
 
 from __future__ import annotations

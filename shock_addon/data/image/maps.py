@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import bpy
@@ -84,12 +85,17 @@ def _check(
             raise Skipped("its tiles are other ones than those of {lead}", lead=lead.name)
 
 
-def coordinates_of(node: bpy.types.ShaderNodeTexImage) -> tuple[str, ...]:
-    """Return a key for the source of a node's coordinates, equal for the same UV map."""
+def coordinates_of(
+    node: bpy.types.ShaderNodeTexImage, passed: Collection[str] = ("REROUTE",)
+) -> tuple[str, ...]:
+    """Return a key for the source of a node's coordinates, equal for the same UV map.
+
+    Nodes of the types `passed` are looked through.
+    """
     socket = node.inputs["Vector"]
     while socket.is_linked:
         source, output = socket.links[0].from_node, socket.links[0].from_socket
-        if source.type == "REROUTE":
+        if source.type in passed:
             socket = source.inputs[0]
         elif source.type == "UVMAP":
             return "UV", source.uv_map

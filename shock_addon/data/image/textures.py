@@ -277,7 +277,8 @@ def _uv_layer(
     layers = obj.data.uv_layers
     slots = [slot.material for slot in obj.material_slots] if image is not None else []
     nodes = [node for material in filter(None, slots) for node in image_nodes(material)]
-    sources = {coordinates_of(node) for node in nodes if node.image == image}
+    shown = [node for node in nodes if node.image == image]
+    sources = {coordinates_of(node, ("REROUTE", "MAPPING")) for node in shown}
     return next((each for each in layers if sources == {("UV", each.name)}), layers.active)
 
 

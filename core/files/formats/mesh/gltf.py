@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Collection, Iterator, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
@@ -235,10 +236,11 @@ class GltfFile(TexturedDocument):
         """
         accessors = self._tree["accessors"]
         values = values.astype(self._array(number).dtype)
-        if number not in self._renewed | self._rows.keys():
+        is_alone = self._uses.get(number, {name}) == {name}
+        if is_alone and number not in self._renewed:
             self._renewed.add(number)
             self._array(number)[:] = values
-        elif number in self._rows or not np.allclose(values, self._array(number), 0.0, _ROUNDING):
+        elif not is_alone or not np.allclose(values, self._array(number), 0.0, _ROUNDING):
             own = len(accessors)
             accessors.append(dict(accessors[number]))
             store(self._tree, self._buffers, own, values)
@@ -249,6 +251,19 @@ class GltfFile(TexturedDocument):
             number = own
         for bound in ("min", "max"):  # optional for all but positions, and now stale
             accessors[number].pop(bound, None)
+
+    @cached_property
+    def _uses(self) -> dict[int, set[str]]:
+        """The attributes that each accessor of the file holds; those of morph targets say so."""
+        found: dict[int, set[str]] = {}
+        for mesh in self._tree.get("meshes", []):
+            for primitive in mesh["primitives"]:
+                for name, number in primitive["attributes"].items():
+                    found.setdefault(number, set()).add(name)
+                for target in primitive.get("targets", []):
+                    for name, number in target.items():
+                        found.setdefault(number, set()).add(f"target {name}")
+        return found
 
     def _colors(self) -> list[tuple[int, int]]:
         """The POSITION accessors of vertices with colors, and the accessors of the colors."""

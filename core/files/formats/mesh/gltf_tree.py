@@ -32,6 +32,7 @@ _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _LARGEST_ENTRY = 64  # bytes of a matrix
+_ALIGNED = 4  # bytes of which those of each vertex have to be a multiple
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
 _LISTS = (
@@ -148,12 +149,19 @@ def is_stored(accessor: Tree) -> bool:
 
 def store(tree: Tree, buffers: list[bytearray], number: int, values: npt.NDArray[Any]) -> None:
     """Give an accessor its own buffer."""
-    accessor, data = tree["accessors"][number], bytearray(values.tobytes())
+    accessor, size = tree["accessors"][number], values.itemsize * values.shape[1]
     for key in ("sparse", "byteOffset"):
         accessor.pop(key, None)
     accessor["bufferView"] = len(tree.setdefault("bufferViews", []))
+    view = {"buffer": len(buffers)}
+    if values.shape[1] > 1 and size % _ALIGNED:  # of vertices, as indices are single numbers
+        view["byteStride"] = size + -size % _ALIGNED
+    rows = np.zeros((len(values), view.get("byteStride", size)), np.uint8)
+    rows[:, :size] = np.ascontiguousarray(values).view(np.uint8)
+    data = bytearray(rows.tobytes())
+    view["byteLength"] = len(data)
     buffer = {"uri": f"{_INLINE},", "byteLength": len(data)}
-    tree["bufferViews"].append({"buffer": len(buffers), "byteLength": len(data)})
+    tree["bufferViews"].append(view)
     tree.setdefault("buffers", []).append(buffer)
     buffers.append(data)
 
