@@ -253,6 +253,28 @@ class TextureAtlas:
             found[rows] = nodes[self.owners[rows]] >= 0  # the last node is empty, for owner -1
         return found
 
+    @cached_property
+    def lone(self) -> npt.NDArray[np.int32]:
+        """A face of a chart in which no texel's centre lies, at texels that it reads; -1 elsewhere.
+
+        (h, w) int32. Such charts lie on a point, on a line, or on less than a texel, as in palettes
+        of colors, and have no value but that of the texels around. What lies in a face is of that.
+        """
+        found = np.full(self.owners.shape, NOTHING, dtype=np.int32)
+        sheet, labels = self.sheet, self.charts.labels
+        empty = np.ones(len(self.charts.boxes), dtype=np.bool_)
+        for rows in blocks(len(sheet.nodes), BAND):
+            nodes = sheet.nodes[rows]
+            empty[labels[nodes[nodes >= 0]]] = False
+        if empty.any():
+            faces = sheet.ghost_edges // 3  # -1 for ghosts without an edge
+            which = np.flatnonzero((faces >= 0) & empty[labels[faces]])
+            places = np.stack(np.divmod(sheet.ghosts[which], sheet.nodes.shape[1]), axis=1)
+            places -= sheet.shifts[labels[faces[which]]]
+            found[places[:, 0] % self.height, places[:, 1] % self.width] = faces[which]
+            found[self.inside] = NOTHING
+        return found
+
     def gather(self, pixels: npt.NDArray) -> npt.NDArray[np.float32]:
         """Copy an image (h, w, c) to the sheet, scaled to white = 1: (rows, columns, c)."""
         scale = SCALES[pixels.dtype.name]

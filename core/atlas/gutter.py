@@ -65,6 +65,9 @@ class TexelWriter:
         The values are colors of tangent-space normals, which rotate across seams.
     frames : NormalFrames, optional
         The values are colors of object-space normals, and the image receives tangent-space ones.
+    made : bool
+        The image held nothing before. Otherwise charts in which no texel's centre lies keep what
+        they read, see `TextureAtlas.lone`.
     """
 
     def __init__(
@@ -74,17 +77,21 @@ class TexelWriter:
         *,
         normals: bool = False,
         frames: NormalFrames | None = None,
+        made: bool = False,
     ) -> None:
         self._atlas = atlas
         self._normals, self._frames = normals, frames
         self._known = atlas.sources.cells >= 0
         filled = atlas.owners != NOTHING
+        self._lone = None if made else atlas.lone != NOTHING
+        if self._lone is not None:
+            filled |= self._lone
         self._gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), normals,
-                                    frames)  # fmt: skip
+                                    frames, made)  # fmt: skip
         self._beyond = np.zeros((2, 0), dtype=np.int64)
         if settings.background == "nearest":
             filled.reshape(-1)[self._gutter.texels] = True
-            if filled.any() and not filled.all():
+            if atlas.inside.any() and not filled.all():
                 self._beyond = _nearest_filled(filled)
 
     def write(
@@ -114,6 +121,8 @@ class TexelWriter:
         flat = values.reshape(-1, values.shape[2])
         inside = atlas.inside
         kept = np.zeros(inside.shape, dtype=np.bool_) if keep is None else keep & inside
+        if self._lone is not None:
+            kept |= self._lone
         texels = out.reshape(-1, out.shape[2])
         with phase(0.0, 0.4, "Filling the gutter"):
             run(_write_gutter, len(self._gutter.texels), self._gutter, atlas.sheet.nodes,
@@ -136,7 +145,7 @@ def nodes_of_texels(atlas: TextureAtlas, settings: DilateSettings) -> Ints:
     nearest = nearest_nodes(sheet, atlas.sources)
     found = np.where(owners == NOTHING, np.int32(NOTHING), nearest[owners])
     filled = found != NOTHING
-    gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), False, None)
+    gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), False, None, True)
     flat = found.reshape(-1)
     flat[gutter.texels] = nearest_in_cells(sheet, nearest, gutter.cells, gutter.places)
     if settings.background == "nearest" and filled.any():
@@ -151,6 +160,7 @@ def _find_gutter(
     radius: float,
     normals: bool,
     frames: NormalFrames | None,
+    made: bool,
 ) -> _Gutter:
     if filled.all():
         texels = np.zeros(0, dtype=np.int64)
@@ -158,6 +168,11 @@ def _find_gutter(
         with phase(0.0, 0.6, "Filling the gutter"):
             borders = _nearest_borders(atlas, filled, radius)
         near = ~filled & (borders.edges >= 0) & (borders.squares <= radius * radius)
+        if not made:  # texels around the lone ones are as they were painted, too
+            labels = atlas.charts.labels
+            lone = np.zeros(len(atlas.charts.boxes), dtype=np.bool_)
+            lone[labels[atlas.lone[atlas.lone != NOTHING]]] = True
+            near &= ~lone[labels[borders.edges // 3]]
         texels = np.flatnonzero(near)
     count = len(texels)
     found = _Gutter(

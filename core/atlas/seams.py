@@ -5,6 +5,9 @@ A seam is cut into parts about a texel long, and texels on both sides of each ar
 the median step around a part exceeds what chance and the change within each side explain, the part
 is closed, as a border between materials: nothing crosses it. Stray texels and edges that cross the
 seam have no effect, as parts are decided together with those near them along the seam.
+
+Beside faces without area in the texture, as those on one point of a palette, there are no texels on
+one of the sides: there, what is painted at the seam itself is compared.
 """
 
 from __future__ import annotations
@@ -117,11 +120,37 @@ def _differing(
     run(_measure, count, parts.edges, parts.shares, inner, atlas.metric, values, alpha, normals,
         steps, changes)  # fmt: skip
     closed = np.empty(count, dtype=np.bool_)
-    run(_decide, count, *_around(parts, _RUN), parts.lengths, steps, changes, unseen, closed)
+    reach = _around(parts, _RUN)
+    run(_decide, count, *reach, parts.lengths, steps, changes, unseen, closed)
+    known = np.concatenate([[0], np.cumsum(~np.isnan(changes))])
+    bare = known[reach[1]] == known[reach[0]]
+    if bare.any() and not normals:  # these would have to be turned
+        at_seams = np.empty(count, dtype=np.bool_)
+        painted = _painted(atlas, parts, values, alpha)
+        nothing = np.zeros_like(changes)
+        run(_decide, count, *reach, parts.lengths, painted, nothing, unseen, at_seams)
+        closed = np.where(bare, at_seams, closed)
     # Closed parts that are a minority nearby are chance.
     first, last = _around(parts, 0.5 * _RUN)
     votes = np.concatenate([[0.0], np.cumsum(np.where(closed, 1.0, -1.0) * parts.lengths)])
     return closed & (votes[last] - votes[first] > -1e-9)
+
+
+def _painted(
+    atlas: TextureAtlas, parts: _Parts, values: npt.NDArray[np.float32], alpha: int
+) -> npt.NDArray[np.float32]:
+    # The step from one side of each part to the other, of the nearest texels at the seam.
+    face, k = np.divmod(parts.edges, 3)
+    points, share = atlas.sheet.points, parts.shares[..., None]
+    places = points[face, k] + share * (points[face, (k + 1) % 3] - points[face, k])
+    rows, columns = np.moveaxis(np.rint(places).astype(np.int64), -1, 0)
+    colors = values[rows * atlas.sheet.nodes.shape[1] + columns]
+    if alpha >= 0:
+        opacity = colors[..., alpha].copy()
+        colors *= opacity[..., None]
+        colors[..., alpha] = opacity
+    steps: npt.NDArray[np.float32] = colors[1] - colors[0]
+    return steps
 
 
 def _range(atlas: TextureAtlas, values: npt.NDArray[np.float32], alpha: int) -> float:

@@ -18,7 +18,7 @@ Bools = npt.NDArray[np.bool_]
 Names = npt.NDArray[np.str_]
 
 NO_FACES: Ints = np.empty((0, 3), dtype=np.int64)
-NEW_NORMALS = "normals were computed anew from the sharpened surface"
+NEW_NORMALS = "normals were computed anew from the changed surface"
 
 
 class Document(Protocol):

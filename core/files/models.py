@@ -117,7 +117,7 @@ def repair_model_file(
                     later = _corners(positions, document, group)
                     after.append(Painted(later, shown[1], (results or [maps[0].pixels])[0]))
     if not count and settings.geometry == "keep":
-        reason = "; ".join(notes) or "its materials name no images"
+        reason = "; ".join(note.rstrip(".") for note in notes) or "its materials name no images"
         raise ShockError(f"{source} has no textures that can be repaired: {reason}.")
     with staged(target, options.overwrite, document.own_files(target)) as path:
         notes += document.save_maps(path, positions, moved, new)

@@ -246,7 +246,7 @@ class _Baker:
         if name == "normals":
             frames = NormalFrames(self._atlas, normals)
             empty = np.zeros((self._atlas.height, self._atlas.width, 3), dtype=np.float32)
-            texture = Texture(self._atlas, empty, frames=frames, unit=True)
+            texture = Texture(self._atlas, empty, frames=frames, unit=True, made=True)
             image: _Single = written(texture, sheet, DilateSettings(gutter=gutter), None)
             return image
         image = with_gutter(self._atlas, np.ascontiguousarray(sheet, np.float32), gutter)

@@ -33,7 +33,7 @@ def atlas_for(
 def with_gutter(atlas: TextureAtlas, sheet: _Single, gutter: int) -> _Single:
     """Return the image of values on the sheet, (rows, columns, c), with its gutter filled."""
     empty = np.zeros((atlas.height, atlas.width, sheet.shape[2]), dtype=np.float32)
-    return written(Texture(atlas, empty), sheet, DilateSettings(gutter=gutter), None)
+    return written(Texture(atlas, empty, made=True), sheet, DilateSettings(gutter=gutter), None)
 
 
 def drawn_smoothly(atlas: TextureAtlas, frames: Frames, radii: Floats, signals: Floats) -> _Single:

@@ -145,7 +145,11 @@ def fill_texture(
             if (gone & (weights < 1)).any():
                 mix_texels(texture.atlas, values, 1.0, weights, result)
             texture = texture._replace(opacity_stays=False)
-            return written(texture, result, settings, ~gone).reshape(given.shape)
+            out = written(texture, result.copy(), settings, ~gone)
+            points = gone & (texture.atlas.lone >= 0)
+            if points.any():
+                out[points] = written(texture._replace(made=True), result, settings, None)[points]
+            return out.reshape(given.shape)
 
 
 @by_keyword

@@ -139,7 +139,7 @@ def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> 
     others, group = twins[edges] // 3, groups[edges // 3]
     around = np.bincount(group, texels[others], total)
     stray = np.bincount(group, dark[others], total)
-    return _shown(groups, (size >= _FEWEST) & (stray <= _STRAY * around), face)
+    return _shown(atlas, groups, (size >= _FEWEST) & (stray <= _STRAY * around))
 
 
 def unseen_in_compressed(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> Bools:
@@ -183,7 +183,8 @@ def unseen_in_compressed(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = 
     size = np.bincount(of_faces, texels[groups >= 0], total) / np.bincount(of_faces, None, total)
     found = (count(small, deep) >= _FEWEST) & (count(far, beside) >= _FEWEST) & (inside <= _DEEP)
     found &= (size >= _RESOLVED) & (wrong <= _APART * np.sqrt(2 * size))
-    return widened(_shown(groups, found, face), _RINGS) & (face >= 0)
+    marked = _shown(atlas, groups, found)
+    return marked | (widened(marked, _RINGS) & (face >= 0))
 
 
 def _dark_groups(
@@ -200,10 +201,10 @@ def _dark_groups(
     return _groups(atlas, unseen | ((texels == 0) & _beside(atlas, unseen))), texels, dark
 
 
-def _shown(groups: Ints, found: Bools, face: Ints) -> Bools:
-    # The texels of the groups that were found.
+def _shown(atlas: TextureAtlas, groups: Ints, found: Bools) -> Bools:
+    # The texels of the groups that were found; also where a chart is too small to show any.
     of_face = np.append((groups >= 0) & found[np.maximum(groups, 0)], False)
-    result: Bools = of_face[face]
+    result: Bools = of_face[np.maximum(atlas.masks().face, atlas.lone)]
     return result
 
 

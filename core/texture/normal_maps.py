@@ -164,4 +164,4 @@ def _converted(
                 texture, values = gathered(texture, settings)
                 texture = texture._replace(frames=frames)
         with phase(0.8, 1.0, "Filling the gutter"):
-            return written(texture._replace(unit=True), values, settings, None)
+            return written(texture._replace(unit=True, made=True), values, settings, None)

@@ -64,6 +64,8 @@ class Texture(NamedTuple):
         Whether the filter works on object-space normals of unit length in the first channels.
     opacity_stays : bool
         Whether opacity keeps its bits inside charts.
+    made : bool
+        Whether the image is made from the surface, and holds nothing before.
     """
 
     atlas: TextureAtlas
@@ -73,6 +75,7 @@ class Texture(NamedTuple):
     frames: NormalFrames | None = None
     unit: bool = False
     opacity_stays: bool = True
+    made: bool = False
 
 
 def normals_of(
@@ -193,7 +196,11 @@ class Output:
             self._fit = None if texture.normals else SeamFit(texture.atlas)
         with phase(0.5, 1.0, "Filling the gutter"):
             self._writer = TexelWriter(
-                texture.atlas, settings, normals=texture.normals, frames=texture.frames
+                texture.atlas,
+                settings,
+                normals=texture.normals,
+                frames=texture.frames,
+                made=texture.made,
             )
 
     def written(
@@ -238,7 +245,7 @@ def drawn(texture: Texture, space: TextureSpace, values: npt.NDArray, gutter: in
     """Return an image of a function on the surface: (n, c) -> (h, w, c) float32."""
     sheet = np.zeros((*space.labels.shape, values.shape[1]), dtype=np.float32)
     sheet_values(space, values, sheet)
-    return written(texture, sheet, DilateSettings(gutter=gutter), None)
+    return written(texture._replace(made=True), sheet, DilateSettings(gutter=gutter), None)
 
 
 def read_ghosts(texture: Texture, values: npt.NDArray[np.float32]) -> None:

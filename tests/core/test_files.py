@@ -280,7 +280,7 @@ def test_ply_changes_positions_and_normals_only(tmp_path, order):
     np.testing.assert_allclose(np.linalg.norm(given, axis=1), 1, atol=1e-6)
     assert np.einsum("ij,ij->i", given, smooth.vertex_normals).min() > 0.9
     assert abs(given - normals).max() > 0.05
-    assert outcome.notes == ("normals were computed anew from the sharpened surface",)
+    assert outcome.notes == ("normals were computed anew from the changed surface",)
 
 
 def test_ply_quads_stay_quads(tmp_path):
@@ -564,7 +564,7 @@ def test_glb_keeps_all_but_positions_and_normals(tmp_path):
     data = two_material_glb(vertices, faces)
     (tmp_path / "in.glb").write_bytes(data)
     outcome = sharpen_file(tmp_path / "in.glb", tmp_path / "out.glb", STRONG)
-    assert outcome.notes == ("normals were computed anew from the sharpened surface",)
+    assert outcome.notes == ("normals were computed anew from the changed surface",)
     old, new = (
         trimesh.load_scene(tmp_path / name, process=False) for name in ("in.glb", "out.glb")
     )
@@ -701,7 +701,7 @@ def test_normals_of_all_primitives_on_the_same_positions_are_renewed(tmp_path):
     (tmp_path / "out").mkdir()
     paths = tmp_path / "a.gltf", tmp_path / "out" / "b.gltf"
     outcome = filter_mesh_file(tilt, *paths)
-    assert outcome.notes == ("normals were computed anew from the sharpened surface",)
+    assert outcome.notes == ("normals were computed anew from the changed surface",)
     data = (tmp_path / "out" / "b.gltf.0.bin").read_bytes()
     for number, sign in ((1, 1), (2, -1)):
         normals = np.frombuffer(data, "<f4", 12, int(ends[number - 1])).reshape(4, 3)

@@ -230,6 +230,26 @@ def test_broken_images_get_a_sentence_and_leave_no_output(tmp_path, capsys):
         assert [path.name for path in tmp_path.iterdir()] == ["in.glb"]
 
 
+def test_image_names_with_spaces_are_read_behind_options_and_told_whole(tmp_path, capsys):
+    blocks = model()
+    pixels = picture(blocks)
+    source = write_obj(tmp_path, blocks, pixels, "-s 1 1 1 my tex.png")
+    (tmp_path / "tex.png").rename(tmp_path / "my tex.png")
+    assert (images_of(source, ObjFile)[0]["color"] == pixels).all()
+    write_obj(tmp_path, blocks, pixels, "C:/My Pictures/old wood.png")
+    assert repair(source, tmp_path / "out.obj") == 1
+    told = capsys.readouterr().err
+    assert "the file C:/My Pictures/old wood.png is not beside the model" in told
+
+
+def test_reasons_end_in_one_point(tmp_path, capsys):
+    blocks = model()
+    pixels = picture(blocks)
+    blocks.uv = blocks.uv * 40.0
+    assert repair(write_obj(tmp_path, blocks, pixels), tmp_path / "out.obj") == 1
+    assert "unwrap the mesh into a texture that is not tiled.\n" in capsys.readouterr().err
+
+
 def test_missing_images_and_other_formats_are_refused(tmp_path, capsys):
     blocks = model()
     source = write_obj(tmp_path, blocks, picture(blocks), "gone.png")

@@ -395,3 +395,49 @@ def test_results_do_not_depend_on_the_order_of_faces():
         mesh, squares.uv[order], image.astype(np.float32), core.TextureSettings(time=256.0)
     )
     assert np.abs(out - expected).max(axis=-1).mean() < 1e-4
+
+
+def palette(points, tail):
+    """A red chart beside faces on points of a gray swatch; `tail`: the last ones show a part of it.
+
+    64 texels wide, red on the left and gray on the right.
+    """
+    vertices, faces = grid(2 + tail, 1)
+    mesh = core.TriangleMesh(vertices, faces)
+    cell = vertices[faces].mean(axis=1)[:, 0].astype(int)
+    uv = vertices[faces][..., :2] * 0.2 + [0.1, 0.4]  # the first cell: 13 texels of red
+    uv[cell == 1] = points
+    if tail:  # the point is the start of a square
+        uv[cell == 2] = (vertices[faces][cell == 2][..., :2] - [2, 0]) * 0.2 + points
+    image = np.where(np.arange(64)[None, :, None] < 32, RED, GRAY).repeat(64, axis=0)
+    return mesh, uv, image
+
+
+@pytest.mark.parametrize("tail", [False, True])
+def test_faces_on_a_point_of_a_palette_lend_no_color_and_keep_theirs(tail):
+    mesh, uv, image = palette((0.7, 0.6), tail)
+    for result in (
+        core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=8)),
+        core.sharpen_texture(mesh, uv, image, core.TextureSettings(gutter=8)),
+        core.filter_texture(mesh, uv, image, core.FilterSettings(gutter=8)),
+    ):
+        assert np.abs(result - image).max() < 1e-4
+
+
+def test_what_lies_on_a_point_stays_where_the_rest_is_filled():
+    mesh, uv, image = palette((0.7, 0.6), False)
+    settings = core.FillSettings(gutter=8)
+    hole = np.zeros((64, 64), dtype=bool)
+    hole[28:36, 10:16] = True
+    holed = np.where(hole[..., None], 0.0, image)
+    filled = core.fill_texture(mesh, uv, holed, settings, missing=hole)
+    assert np.abs(filled - image).max() < 1e-4
+    hole[:, 40:50] = True  # the point itself is missing
+    filled = core.fill_texture(mesh, uv, holed, settings, missing=hole)
+    assert np.abs(filled[38, 44] - RED).max() < 1e-2
+
+
+def test_images_that_are_made_show_points_as_what_lies_beside_them():
+    mesh, uv, _ = palette((0.7, 0.6), False)
+    place = core.geodesic_distance(mesh, uv, size=(64, 64), vertices=[0])[36:40, 42:46]
+    assert place.max() > 0

@@ -416,7 +416,8 @@ def _names(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> list[tuple[
     """The names of files in a line, and where they begin.
 
     Names may contain spaces: it is the whole rest of the line if such a file exists. Otherwise each
-    word names a library, and the last word, behind options, an image.
+    word names a library. An image is the longest end of the line that is a file, behind options; if
+    none is, the last word behind options, and else the whole rest.
     """
     match = keyword.match(line)
     if match is None:
@@ -425,8 +426,10 @@ def _names(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> list[tuple[
     if find(folder, name.decode("utf-8", "replace")) is not None:
         return [(name, start)]
     if keyword is _IMAGES:
-        name = name.split()[-1]
-        return [(name, start + match[1].rindex(name))]
+        begins = [word.start() for word in re.finditer(rb"\S+", name)]
+        files = (n for n in begins if find(folder, name[n:].decode("utf-8", "replace")) is not None)
+        begin = next(files, begins[-1] if name.startswith(b"-") else 0)
+        return [(name[begin:], start + begin)]
     words = re.finditer(rb"\S+", name.partition(b"#")[0])
     return [(word[0], start + word.start()) for word in words]
 
