@@ -260,19 +260,20 @@ class TextureAtlas:
         (h, w) int32. Such charts lie on a point, on a line, or on less than a texel, as in palettes
         of colors, and have no value but that of the texels around. What lies in a face is of that.
         """
-        found = np.full(self.owners.shape, NOTHING, dtype=np.int32)
         sheet, labels = self.sheet, self.charts.labels
         empty = np.ones(len(self.charts.boxes), dtype=np.bool_)
         for rows in blocks(len(sheet.nodes), BAND):
             nodes = sheet.nodes[rows]
             empty[labels[nodes[nodes >= 0]]] = False
-        if empty.any():
-            faces = sheet.ghost_edges // 3  # -1 for ghosts without an edge
-            which = np.flatnonzero((faces >= 0) & empty[labels[faces]])
-            places = np.stack(np.divmod(sheet.ghosts[which], sheet.nodes.shape[1]), axis=1)
-            places -= sheet.shifts[labels[faces[which]]]
-            found[places[:, 0] % self.height, places[:, 1] % self.width] = faces[which]
-            found[self.inside] = NOTHING
+        if not empty.any():
+            return np.broadcast_to(np.int32(NOTHING), self.owners.shape)
+        found = np.full(self.owners.shape, NOTHING, dtype=np.int32)
+        faces = sheet.ghost_edges // 3  # -1 for ghosts without an edge
+        which = np.flatnonzero((faces >= 0) & empty[labels[faces]])
+        places = np.stack(np.divmod(sheet.ghosts[which], sheet.nodes.shape[1]), axis=1)
+        places -= sheet.shifts[labels[faces[which]]]
+        found[places[:, 0] % self.height, places[:, 1] % self.width] = faces[which]
+        found[self.inside] = NOTHING
         return found
 
     def gather(self, pixels: npt.NDArray) -> npt.NDArray[np.float32]:
