@@ -47,6 +47,10 @@ _STEP = 12 / 255
 """Where a step at a seam would move texels farther than this, different materials meet, and half
 of the change or less is taken."""
 
+_MOST_MISSING = 0.5
+"""Share of the texels inside charts up to which they can be missing. More are meant: black, or
+opacity that the material does not show, as beside decals."""
+
 _ROUNDING = 2e-6
 """Relative changes up to this are errors of single precision and its logarithms."""
 
@@ -98,8 +102,8 @@ def repair_texture(
         As in `sharpen_texture`.
     settings : RepairSettings, optional
         By default, texels of opacity 0 inside charts are missing, as where photogrammetry saw
-        nothing. Fill "unseen" leaves all opacity as it is, as of leaves that are cut out. The
-        gutter is in texels of the result.
+        nothing, unless more than half of all are so: this is meant. Fill "unseen" leaves all
+        opacity as it is, as of leaves that are cut out. The gutter is in texels of the result.
     missing : (h, w) array of float in [0, 1], optional
         1 where a texel is missing, in place of what `settings.fill` says.
     normals : (m, 3, 3) array of float, optional
@@ -274,7 +278,7 @@ def _missing(
     found = missing_texels(surface.atlas, pixels, alpha, None, how) * inside
     if settings.fill == "unseen" and alpha >= 0:  # what is cut out has no color
         found = found * (pixels[..., alpha] > 0)
-    if found[inside].all():  # black is meant, or nobody knows better
+    if np.count_nonzero(found[inside]) > _MOST_MISSING * np.count_nonzero(inside):  # is meant
         return np.zeros(image.shape[:2])
     return found if limit is None else found * limit
 

@@ -112,6 +112,18 @@ def test_what_is_black_all_over_is_meant(model):
     assert (core.repair_texture(mesh, uv, black, atlas=atlas) == 0).all()
 
 
+@pytest.mark.parametrize(("share", "is_filled"), [(0.3, True), (0.7, False)])
+def test_texels_can_be_missing_up_to_a_half(model, share, is_filled):
+    mesh, uv, image, atlas = model
+    rows = np.arange(len(image))[:, None] < share * len(image)
+    opacity = np.where(np.broadcast_to(rows, image.shape[:2]), 0, 255).astype(np.uint8)
+    image = np.dstack([image, opacity])  # decals in a material that does not show opacity
+    settings = core.RepairSettings(**{**KEEP, "fill": "auto"})
+    result = core.repair_texture(mesh, uv, image, settings, atlas=atlas)
+    hidden = atlas.inside & (opacity == 0)
+    assert bool((result[..., 3][hidden] == 255).any()) == is_filled
+
+
 def test_a_run_can_be_cancelled(model):
     mesh, uv, image, _ = model
     with pytest.raises(core.Cancelled):
