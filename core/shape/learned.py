@@ -33,7 +33,7 @@ from ..mixture.network import Network, Singles, load
 from ..settings import FitSettings
 from .fit import LEAST_WEIGHT, displacement
 from .folds import mended
-from .noise import possible_noise
+from .noise import between, possible_noise
 from .smoothings import (
     DEFINITION,
     Smoothings,
@@ -188,17 +188,13 @@ def _without_voxels(mesh: TriangleMesh) -> Floats | None:
     for _ in range(3):
         around = average_to_vertices(mesh, average_to_faces(mesh, around))
     share = 2.0 * average_to_vertices(mesh, average_to_faces(mesh, beside))
-    share = np.minimum(share, 1.0) * _between(around, _STEPPED)
-    share *= _between(np.count_nonzero(share), _STEPS)
+    share = np.minimum(share, 1.0) * between(around, _STEPPED)
+    share *= between(np.count_nonzero(share), _STEPS)
     if not share.any():
         return None
     even = np.empty_like(mesh.vertices)
     run(even_out, mesh.vertex_count, *mesh.neighbours, mesh.vertices, even)
     return share * (even - mesh.vertices)
-
-
-def _between(values: Floats | int, ends: tuple[float, float]) -> Floats:
-    return np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
 
 
 def _level_in_stages(
@@ -359,7 +355,7 @@ def _nearer(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
             mesh.faces, mesh.normals, normals, off)  # fmt: skip
         around = average_around(mesh, off).astype(np.float64)
         own, new = average_around(mesh, average_to_faces(mesh, around)).T
-        share = 1.0 - _between(new / (own + _HARDLY), _NEARER)
+        share = 1.0 - between(new / (own + _HARDLY), _NEARER)
         if (share == 1.0).all():
             break
         moved = share[:, None] * moved

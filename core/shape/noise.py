@@ -43,10 +43,10 @@ FEW = 32, 128
 def possible_noise(mesh: TriangleMesh) -> Floats:
     """Tell where faces can have noise: (m,), from 0 for none to 1.
 
-    Noise leaves hardly any two faces in one plane. So there is none where most faces have a
-    neighbor in their plane and edges are of many lengths. Voxels and the terraces of depth cameras
-    also lie in planes, but among tiles: faces with two neighbors in their plane that are as large.
-    And components of some dozens of faces are too small for telling noise from shape.
+    Not in the papers. Noise leaves hardly any two faces in one plane. So there is none where most
+    faces have a neighbor in their plane and edges are of many lengths. Voxels and the terraces of
+    depth cameras also lie in planes, but among tiles: faces with two neighbors in their plane that
+    are as large. And components of some dozens of faces are too small for telling noise from shape.
     """
     told = np.empty((mesh.face_count, 4))
     run(_find_planes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas,
@@ -55,12 +55,12 @@ def possible_noise(mesh: TriangleMesh) -> Floats:
     tiled = _spread(mesh, _spread(mesh, near[:, 1:2]))[:, 0]
     in_planes, _, mean, square = near.T
     uneven = np.sqrt(np.maximum(square - mean * mean, 0.0))
-    designed = _between(in_planes, DESIGNED) * _between(uneven, UNEVEN)
-    designed *= 1.0 - _between(tiled, TILED) * _between(told[:, 1].sum(), MANY)
+    designed = between(in_planes, DESIGNED) * between(uneven, UNEVEN)
+    designed *= 1.0 - between(tiled, TILED) * between(told[:, 1].sum(), MANY)
     a, b, c = mesh.faces.T
     _, part = connected_components(mesh.vertex_count, np.append(a, b), np.append(b, c))
     faces = np.bincount(part[a], minlength=1)[part[a]]
-    return (1.0 - designed) * _between(np.log(faces), (log(FEW[0]), log(FEW[1])))
+    return (1.0 - designed) * between(np.log(faces), (log(FEW[0]), log(FEW[1])))
 
 
 def _spread(mesh: TriangleMesh, values: Floats) -> Floats:
@@ -68,7 +68,8 @@ def _spread(mesh: TriangleMesh, values: Floats) -> Floats:
     return average_to_faces(mesh, average_around(mesh, values).astype(np.float64))
 
 
-def _between(values: Floats | float, ends: tuple[float, float]) -> Floats:
+def between(values: Floats | float, ends: tuple[float, float]) -> Floats:
+    """Rise evenly from 0 at the first end to 1 at the second."""
     return np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
 
 

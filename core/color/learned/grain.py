@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Grain that is too strong for noise stays: that of asphalt, fur and rough stone.
 
-Networks are not told how bright an image is, so that strong fine texture looks like noise to them.
-The noise of photos differs from channel to channel, and is weak beside what they show. So the grain
-that the mean of all channels loses is compared with the range of the smoothed image.
+Not in the papers. Networks are not told how bright an image is, so that strong fine texture looks
+like noise to them. The noise of photos differs from channel to channel, and is weak beside what
+they show. So the grain that the mean of all channels loses is compared with the range of the
+smoothed image.
 """
 
 from __future__ import annotations
