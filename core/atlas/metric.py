@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel, run
+from ..base.progress import ask
 from ..base.vectors import after
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
@@ -112,9 +113,12 @@ def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasM
 def _slivers(mesh: TriangleMesh) -> npt.NDArray[np.bool_]:
     # Faces whose corners lie on a line but for rounding, as where polygons have points on straight
     # borders: what was measured of them would be noise, and weigh more than all others.
-    corners = mesh.scaled_vertices[mesh.faces]
-    squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2)
-    return mesh.areas <= _SLIVER * squares.max(axis=1)
+    longest = np.zeros(mesh.face_count)
+    for k in range(3):
+        ask()
+        sides = mesh.scaled_vertices[mesh.faces[:, k]] - mesh.scaled_vertices[mesh.faces[:, k - 1]]
+        np.maximum(longest, (sides**2).sum(axis=1), out=longest)
+    return mesh.areas <= _SLIVER * longest
 
 
 @kernel

@@ -260,6 +260,7 @@ def _sharpened(
 
     def finish(values: Floats) -> Floats:
         result = np.array(domain.as_result(values))
+        ask()
         sharpen(values, result)
         return result
 

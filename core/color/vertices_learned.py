@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base.progress import aside, phase
+from ..base.progress import aside, ask, phase
 from ..flow.borders import measured
 from ..grid.borders import Borders
 from ..grid.channels import brightness_weights
@@ -68,6 +68,7 @@ def sharpen_vertices_learned(
     middle, span = _middle_and_span(values)
     if not span > 0:
         return values
+    ask()
     planes = VertexPlanes.of_vertices(vertices, (values - middle) / span)
     with phase(0.0, 0.2, "Sharpening"):
         detail = detail_at(planes)
@@ -92,7 +93,7 @@ def detail_at(planes: VertexPlanes) -> float:
     """Measure how much a smoothing takes away, as a mean square, in cells all over the mesh."""
     vertices = planes.vertices
     smooth = planes.smoothed(SIGMAS, 0, vertices.rows)[-1]
-    away = vertices.values_of(detail_of(planes, smooth)).mean(axis=1, dtype=np.float64)
+    away = vertices.values_of(detail_of(planes.values, smooth)).mean(axis=1, dtype=np.float64)
     details, areas = vertices.means.of_large_cells(away)
     return typical_detail(details, areas) if len(details) else 0.0
 

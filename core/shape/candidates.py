@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel, run
-from ..base.progress import phase
+from ..base.progress import ask, phase
 from ..base.vectors import dot, edge
 from ..flow.potential import bending
 from ..mesh.calculus import average_to_vertices, make_unit_or, smooth_vertices
@@ -144,11 +144,13 @@ def find_candidates(
         rows = np.flatnonzero(zone)
         beside = surroundings.told(rows)
         del surroundings
-    normals = np.empty((len(rows), CANDIDATES, 3), dtype=np.float32)
-    normals[:, :TAKES_SIDES] = everywhere[rows]
-    del everywhere
-    told = np.empty((len(rows), TOLD), dtype=np.float32)
-    told[:, pair_count(CANDIDATES) :] = beside
+    with phase(0.8, 0.85, message):
+        normals = np.empty((len(rows), CANDIDATES, 3), dtype=np.float32)
+        normals[:, :TAKES_SIDES] = everywhere[rows]
+        del everywhere
+        ask()
+        told = np.empty((len(rows), TOLD), dtype=np.float32)
+        told[:, pair_count(CANDIDATES) :] = beside
     if len(rows):
         with phase(0.85, 1.0, message):
             for number, each in enumerate((mesh.normals, *flows)):

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ..base.findings import tell
 from ..base.parallel import kernel, run
-from ..base.progress import phase
+from ..base.progress import ask, phase
 from ..base.vectors import TIE_BREAKER, after, cross, dot
 from ..flow.potential import dilation
 from ..linear.cg import roughly
@@ -128,7 +128,8 @@ def further_steps(
         index, piece = _cut_out(mesh, system, normals, near)
     with phase(0.1, 1.0, message):
         slid = _descend(piece, moved[index], steps, message)
-    moved[index] = _without_turned(piece, slid)
+    with phase(1.0, 1.0, message):
+        moved[index] = _without_turned(piece, slid)
     return moved
 
 
@@ -205,6 +206,7 @@ def _evened(piece: _Piece, moved: Floats, rounds: int) -> Floats:
             needs)  # fmt: skip
         sliding = np.flatnonzero(needs)
         moved[vertices[sliding]] += slides[sliding]
+        ask()
         # What lies farther has the shape that it had.
         faces = faces_around(piece.corners, vertices[sliding])
         vertices = distinct(piece.faces[faces], len(moved))
@@ -229,9 +231,11 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
     # folded but not turned are left to `unfold`: heights would move them too far.
     fixed, around = piece.system.fixed, np.arange(len(piece.faces))
     least = np.minimum(_row_dots(_unit_normals(piece.vertices[piece.faces]), piece.normals), 0.0)
+    ask()
     rounds = _SLIDES + _RETREATS + _RETURNS
     for attempt in range(rounds + 1):
         x = piece.vertices[piece.faces[around]] + moved[piece.faces[around]]
+        ask()
         upright = 0.0 if attempt < _SLIDES else least[around]
         turned = _row_dots(_unit_normals(x), piece.normals[around]) < upright
         bad = around[turned & (piece.shapes[around] > 0)]

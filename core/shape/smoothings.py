@@ -201,7 +201,11 @@ def next_smoothings(
         signal = np.empty((mesh.face_count, len(_NEXT_CHANGES)), dtype=np.float32)
         run(_measure_changes, mesh.face_count, found, np.array(_NEXT_CHANGES), signal)
         new = _around(mesh, signal, np.empty((mesh.vertex_count, 0), dtype=np.float32))
-        return Smoothings(found, np.concatenate([new, around], axis=1))
+        both = np.empty((len(new), new.shape[1] + around.shape[1]), dtype=np.float32)
+        both[:, : new.shape[1]] = new
+        ask()
+        both[:, new.shape[1] :] = around
+        return Smoothings(found, both)
 
 
 def without_bumps(mesh: TriangleMesh, width: float) -> Floats:
@@ -404,11 +408,16 @@ def _around(mesh: TriangleMesh, signal: Singles, more: Singles) -> Singles:
     out = np.empty((mesh.vertex_count, 3 * count), dtype=np.float32)
     out[:, :count] = values
     used = np.flatnonzero(np.diff(mesh.corners[0]) > 0)
-    cells = MeansAround(mesh.scaled_vertices[used], values[used].astype(np.float64), _CELLS)
+    ask()
+    chosen = values[used].astype(np.float64)
+    ask()
+    cells = MeansAround(mesh.scaled_vertices[used], chosen, _CELLS)
+    del chosen
     out[:, count : 2 * count] = values
     out[used, count : 2 * count] = cells.at(np.arange(len(used)))
     del cells
     out[:, 2 * count :] = _spread(start, ring, values, _WIDE)
+    ask()
     return out
 
 

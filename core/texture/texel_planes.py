@@ -81,9 +81,10 @@ class Surface:
         """Fill the ghosts, in place: (k, rows, columns)."""
         with aside(_MESSAGE):
             fill_planes(self._reads, planes)
-        for plane in planes:
-            flat = plane.reshape(-1)
-            flat[self._ends] = flat[self._nearest]
+            for plane in planes:
+                flat = plane.reshape(-1)
+                flat[self._ends] = flat[self._nearest]
+                ask()
         return planes
 
     def smooth(self, planes: Singles, variance: float) -> Singles:
@@ -152,7 +153,7 @@ class TexelPlanes(WholePlanes):
         if not self.opacity.size:
             return replace(self, values=self.surface.complete(values))
         seen = self.opacity > 0
-        sums = self.surface.complete(values * self.opacity)
+        sums = self.surface.complete(_times(values, self.opacity))
         beside = seen & ~self.surface.inside
         np.divide(sums, self.opacity, out=values, where=beside)
         values[:, ~seen] = 0
@@ -185,16 +186,20 @@ class TexelPlanes(WholePlanes):
             for place, each in enumerate(ends):
                 each[axis] = slice(place, place - 2 if place < 2 else None)
             before, here, behind = map(tuple, ends)
-            values = self.values
-            bend = np.square(values[:, *before] - 2 * values[:, *here] + values[:, *behind]).sum(0)
+            bend = np.zeros(inside[here].shape, np.float32)
+            for value in self.values:
+                with aside(_MESSAGE):
+                    bend += np.square(value[before] - 2 * value[here] + value[behind])
             bend *= inside[here]
             alone = inside[before] & inside[behind]
             around[here] += bend * alone
             steps[here] += bend * ~alone
-        count = np.float32(_ORDINARY) / np.maximum(smooth(np.float32(inside), _NEARBY), 1e-3)
-        usual = count * smooth(around, _NEARBY)
-        spread = np.maximum(steps - usual, 0) / (steps + usual + np.float32(1e-30))
         with aside(_MESSAGE):
+            count = np.float32(_ORDINARY) / np.maximum(smooth(np.float32(inside), _NEARBY), 1e-3)
+        with aside(_MESSAGE):
+            usual = count * smooth(around, _NEARBY)
+        with aside(_MESSAGE):
+            spread = np.maximum(steps - usual, 0) / (steps + usual + np.float32(1e-30))
             for _ in range(_BESIDE):
                 less = spread - np.float32(1 / _BESIDE)
                 np.maximum(spread[1:], less[:-1], out=spread[1:])
@@ -202,13 +207,14 @@ class TexelPlanes(WholePlanes):
                 np.maximum(spread[:, 1:], less[:, :-1], out=spread[:, 1:])
                 np.maximum(spread[:, :-1], less[:, 1:], out=spread[:, :-1])
                 spread *= inside
+                ask()
         return np.float32(_FAINTEST) + np.float32(1 - _FAINTEST) * (1 - spread) ** 2
 
     def with_weights(self, energies: Singles, top: int, bottom: int) -> Singles:
         """Return energies of all rows, times weights that come last: (k + 1, rows, columns)."""
         weights = self.away
         found = np.empty((len(energies) + 1, *weights.shape), np.float32)
-        np.multiply(energies, weights, out=found[:-1])
+        _times(energies, weights, found[:-1])
         found[-1] = weights * self.opacity if self.opacity.size else weights
         return found
 
@@ -216,7 +222,7 @@ class TexelPlanes(WholePlanes):
         """Return the values times their opacity, all of which count alike."""
         if not self.opacity.size:
             return self
-        return replace(self, values=self.values * self.opacity, opacity=NONE)
+        return replace(self, values=_times(self.values, self.opacity), opacity=NONE)
 
     def averaged(
         self, energies: Singles, first: int, sigma: float, top: int, bottom: int
@@ -225,14 +231,14 @@ class TexelPlanes(WholePlanes):
         energies = self.surface.complete(np.ascontiguousarray(energies))
         if not self.opacity.size:
             return self.surface.smooth(energies, variance_of(sigma))
-        both = np.concatenate([energies, self.opacity[None]])
+        both = _joined(energies, self.opacity)
         return averages(self.surface.smooth(both, variance_of(sigma)), True)
 
     def _smoothed(self, sigmas: tuple[float, ...]) -> Singles:
         out = np.empty((len(sigmas), *self.values.shape), np.float32)
         smooth, variance = self.premultiplied().values, 0.0
         if self.opacity.size:
-            smooth = np.concatenate([smooth, self.opacity[None]])
+            smooth = _joined(smooth, self.opacity)
         for number, (target, sigma) in enumerate(zip(out, sigmas, strict=True)):
             with phase((number / len(out)) ** 2, ((number + 1) / len(out)) ** 2, _MESSAGE):
                 smooth = self.surface.smooth(smooth, variance_of(sigma) - variance)
@@ -248,7 +254,9 @@ class TexelPlanes(WholePlanes):
         done = 0
         for r, reach in enumerate(reaches):
             ask(done / reaches[-1])
-            low[r], high[r] = (low[r - 1], high[r - 1]) if r else (self.values, self.values)
+            low[r] = low[r - 1] if r else self.values
+            ask(done / reaches[-1])
+            high[r] = high[r - 1] if r else self.values
             if hidden is not None and r == 0:
                 self._leave_out(hidden, low[r], high[r])
             self.surface.extremes(low[r], high[r], reach - done)
@@ -261,8 +269,12 @@ class TexelPlanes(WholePlanes):
         # Hidden texels are no least or greatest ones.
         seen = ~hidden & self.surface.inside
         if seen.any():
-            for least, most in zip(low, high, strict=True):
-                least[hidden], most[hidden] = least[seen].max(), most[seen].min()
+            with aside(_MESSAGE):
+                for least, most in zip(low, high, strict=True):
+                    np.copyto(least, least.max(initial=-np.inf, where=seen), where=hidden)
+                    ask()
+                    np.copyto(most, most.min(initial=np.inf, where=seen), where=hidden)
+                    ask()
 
     def flowed(
         self,
@@ -314,6 +326,26 @@ class _Means:
 
     def rows(self, means: Singles, start: int, stop: int) -> Singles:
         return self._means.rows(means, start, stop)
+
+
+def _times(planes: Singles, weights: Singles, out: Singles | None = None) -> Singles:
+    # Planes, each times the weights.
+    out = np.empty_like(planes) if out is None else out
+    with aside(_MESSAGE):
+        for plane, target in zip(planes, out, strict=True):
+            np.multiply(plane, weights, out=target)
+            ask()
+    return out
+
+
+def _joined(planes: Singles, last: Singles) -> Singles:
+    # Planes, and one more.
+    out = np.empty((len(planes) + 1, *last.shape), np.float32)
+    with aside(_MESSAGE):
+        for target, plane in zip(out, (*planes, last), strict=True):
+            target[:] = plane
+            ask()
+    return out
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.findings import is_gathered
-from ..base.progress import aside, phase
+from ..base.progress import aside, ask, phase
 from ..color.learned.first import SIGMAS
 from ..color.learned.images import detail_of, ends_of, span_of, typical_detail
 from ..color.learned.recipe import FAINT, Wishes, sharpened
@@ -97,7 +97,13 @@ def _weights(planes: TexelPlanes) -> Texels:
 def _detail(planes: TexelPlanes) -> float:
     # How much a smoothing takes away, as a mean square, in squares all over the sheet.
     weights = _weights(planes)
-    away = detail_of(planes, planes.smoothed(SIGMAS, 0, len(weights))[-1]).mean(axis=0)
+    away = np.zeros_like(weights)
+    for value, smooth in zip(
+        planes.values, planes.smoothed(SIGMAS, 0, len(weights))[-1], strict=True
+    ):
+        ask()
+        away += detail_of(value, smooth)
+    away /= len(planes.values)
     held, sums = (
         np.add.reduceat(np.add.reduceat(each, np.arange(0, each.shape[0], _SQUARE)),
                         np.arange(0, each.shape[1], _SQUARE), axis=1).ravel()

@@ -44,10 +44,10 @@ def typical_detail(details: npt.NDArray, weights: npt.NDArray) -> float:
     return float(np.average(np.minimum(details, _MOST * np.median(details[seen])), weights=weights))
 
 
-def detail_of(planes: Planes, smooth: Singles) -> Singles:
+def detail_of(values: Singles, smooth: Singles) -> Singles:
     """Square what a smoothing took away; 0 where it is rounding alone."""
-    away = planes.values - smooth
-    away[np.abs(away) < _ROUNDING * np.abs(planes.values)] = 0
+    away = values - smooth
+    away[np.abs(away) < _ROUNDING * np.abs(values)] = 0
     return np.square(away)
 
 
@@ -81,7 +81,7 @@ def _detail_and_span(pixels: npt.NDArray, channels: Channels) -> tuple[float, fl
             smooth = planes.smoothed(SIGMAS[-1:], 0, planes.values.shape[1])[0]
             seen = planes.opacity > 0 if planes.opacity.size else np.ones(smooth.shape[1:], bool)
             ends[i] = ends_of(smooth, seen)
-            squares = np.float64(detail_of(planes, smooth))
+            squares = np.float64(detail_of(planes.values, smooth))
             if planes.opacity.size:
                 squares *= planes.opacity / max(planes.opacity.mean(dtype=np.float64), 1e-6)
             found[i] = squares.mean()

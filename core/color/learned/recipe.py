@@ -171,7 +171,7 @@ def mixed(
         with phase(0.0, 0.4, _MESSAGE):
             strip = stage.strip(0, height)
         with phase(0.4, 1.0, _MESSAGE):
-            run(partial(mix, strip), height, chunk=STRIP)
+            run(partial(mix, strip), height, chunk=min(STRIP, 32 * rows))
     else:
         run(lambda start, stop: mix(stage.strip(start, stop), start, stop), height, chunk=STRIP)
     return out, kept
