@@ -17,6 +17,7 @@ from image_sharpening import BOX, CUBIC, LANCZOS, as_bytes, best_unsharp, fideli
 from PIL import Image
 from report import Page, table
 from shock_filter import core
+from shock_filter.core.settings import WIDTH_OF_SIGMA
 
 ENDINGS = ".png", ".jpg", ".jpeg"
 PICTURES = 16
@@ -40,14 +41,22 @@ SPOILINGS = {
 }  # fmt: skip
 
 
+SIGMAS = {"Gauss 0.8": 0.8, "Gauss 1.5": 1.5, "Gauss 2.5": 2.5}
+"""Of the blurs that *Width* can tell."""
+
+
 class Case(NamedTuple):
-    """A spoiled picture: where it is from, PSNR before, after, and of the best unsharp mask."""
+    """A spoiled picture: where it is from, PSNR before, after, and of the best unsharp mask.
+
+    `told` is the PSNR if the blur's width is given; not a number where there is none to give.
+    """
 
     folder: str
     spoiling: str
     given: float
     ours: float
     unsharp: float
+    told: float
 
 
 def chosen(folder: Path) -> dict[str, np.ndarray]:
@@ -86,6 +95,7 @@ def tables(folder: Path) -> str:
                     place.name, spoiling, fidelity(given, truth),
                     fidelity(core.sharpen_image(given), truth),
                     fidelity(best_unsharp(given, truth), truth),
+                    _if_told(given, truth, SIGMAS.get(spoiling)),
                 ))  # fmt: skip
     rows = []
     for name, kept in sharp.items():
@@ -94,13 +104,14 @@ def tables(folder: Path) -> str:
         rows.append([name, str(len(kept)), *_numbers(some), f"{least:.1f}"])
     rows.append(["all", str(sum(map(len, sharp.values()))), *_numbers(found), ""])
     heads = ["gain", "best mask", "at or above", "worse by 0.1", "by 0.5"]
-    by_spoiling = [
-        [name, *_numbers([case for case in found if case.spoiling == name])] for name in SPOILINGS
-    ]
+    by_spoiling = []
+    for name in SPOILINGS:
+        some = [case for case in found if case.spoiling == name]
+        by_spoiling.append([name, *_numbers(some), *_numbers_if_told(some)])
     changed = sorted((kept, name) for each in sharp.values() for name, kept in each.items())
     return "\n\n".join([
         table(["from", "pictures", *heads, "sharp, at least"], rows),
-        table(["spoiled by", *heads], by_spoiling),
+        table(["spoiled by", *heads, "Width given: gain", "at or above"], by_spoiling),
         "Sharp ones that change most: "
         + ", ".join(f"{Path(name).name} ({kept:.1f} dB)" for kept, name in changed[:6]) + ".",
     ])  # fmt: skip
@@ -111,6 +122,21 @@ def _numbers(cases: list[Case]) -> list[str]:
     mask = np.array([case.unsharp - case.given for case in cases])
     return [f"{gain.mean():+.2f}", f"{mask.mean():+.2f}", f"{100 * (gain >= mask).mean():.0f} %",
             f"{(gain < -0.1).sum()}", f"{(gain < -0.5).sum()}"]  # fmt: skip
+
+
+def _if_told(given: np.ndarray, truth: np.ndarray, sigma: float | None) -> float:
+    if sigma is None:
+        return np.nan
+    settings = core.ImageSettings(width=sigma * WIDTH_OF_SIGMA)
+    return fidelity(core.sharpen_image(given, settings), truth)
+
+
+def _numbers_if_told(cases: list[Case]) -> list[str]:
+    told = np.array([case.told for case in cases])
+    if np.isnan(told).any():
+        return ["", ""]
+    given, mask = np.array([(case.given, case.unsharp) for case in cases]).T
+    return [f"{(told - given).mean():+.2f}", f"{100 * (told >= mask).mean():.0f} %"]
 
 
 def main() -> None:
