@@ -29,20 +29,17 @@ SMALLEST, LARGEST = 160, 512
 FAINT = 4.0
 """Standard deviation, in bytes, below which a picture shows nothing."""
 
+SIGMAS = {f"Gauss {sigma}": sigma for sigma in (0.8, 1.5, 2.5)}
+"""Of the blurs that *Width* can tell."""
+
 SPOILINGS = {
-    "Gauss 0.8": lambda i, n: own.blur(i, 0.8),
-    "Gauss 1.5": lambda i, n: own.blur(i, 1.5),
-    "Gauss 2.5": lambda i, n: own.blur(i, 2.5),
+    **{name: lambda i, n, sigma=sigma: own.blur(i, sigma) for name, sigma in SIGMAS.items()},
     "disk 2": lambda i, n: own.convolved(i, own.disk(2.0)),
     "Gauss 0.8, JPEG 60": lambda i, n: own.jpeg(own.blur(i, 0.8), 60),
     "Gauss 1.2, noise 5": lambda i, n: own.noise(own.blur(i, 1.2), 5.0, n),
     "x2, cubic": lambda i, n: own.scaled(i, 2, BOX, CUBIC),
     "x2, Lanczos": lambda i, n: own.scaled(i, 2, LANCZOS, LANCZOS),
 }  # fmt: skip
-
-
-SIGMAS = {"Gauss 0.8": 0.8, "Gauss 1.5": 1.5, "Gauss 2.5": 2.5}
-"""Of the blurs that *Width* can tell."""
 
 
 class Case(NamedTuple):
@@ -111,7 +108,7 @@ def tables(folder: Path) -> str:
     changed = sorted((kept, name) for each in sharp.values() for name, kept in each.items())
     return "\n\n".join([
         table(["from", "pictures", *heads, "sharp, at least"], rows),
-        table(["spoiled by", *heads, "Width given: gain", "at or above"], by_spoiling),
+        table(["spoiled by", *heads, "Width given: gain", "Width given: at or above"], by_spoiling),
         "Sharp ones that change most: "
         + ", ".join(f"{Path(name).name} ({kept:.1f} dB)" for kept, name in changed[:6]) + ".",
     ])  # fmt: skip

@@ -53,6 +53,9 @@ _MOST = float(np.finfo(np.float16).max)
 _PIXELS = 4096
 """That a network looks at at once."""
 
+_AT_ONCE = 32 * _PIXELS
+"""Pixels that a thread mixes before it takes others, where rows are no strips."""
+
 _MESSAGE = "Sharpening"
 
 _REACH = second_stage.REACH + REACH_OF_GRAIN
@@ -171,7 +174,8 @@ def mixed(
         with phase(0.0, 0.4, _MESSAGE):
             strip = stage.strip(0, height)
         with phase(0.4, 1.0, _MESSAGE):
-            run(partial(mix, strip), height, chunk=min(STRIP, 32 * rows))
+            few = min(STRIP, max(_AT_ONCE // width, 1))  # so that large textures ask often, too
+            run(partial(mix, strip), height, chunk=few)
     else:
         run(lambda start, stop: mix(stage.strip(start, stop), start, stop), height, chunk=STRIP)
     return out, kept
