@@ -25,6 +25,7 @@ from ..mesh.triangle_mesh import TriangleMesh, check_mesh
 from ..settings import GeometrySettings, given_or_default
 from ..sparse.components import connected_components
 from .crease_edges import Bools
+from .noise import possible_noise
 from .sharpening import sharpen_geometry
 
 Ints = npt.NDArray[np.int32]
@@ -127,7 +128,9 @@ def crisp_low_poly(
         With which it is sharpened; an amount of 0 moves nothing before.
     tolerance : float
         How far vertices of the sharpened mesh may lie from the new faces, in mean edge lengths;
-        twice as far along creases, whose corners a remesh cuts. Above 0, up to 10.
+        twice as far along creases, whose corners a remesh cuts. Above 0, up to 10. In parts of
+        some dozens of faces, and where planes have edges of many lengths, as in exports of design
+        programs, in lengths of the shortest edge at each vertex, if that is less.
     turn : float
         How far a collapse may turn the surface from that of the sharpened mesh, in degrees, from
         0.1 to 60, over the area of a few faces, and less over larger ones: smaller keeps more
@@ -193,7 +196,7 @@ def crisp_low_poly(
             held |= half_edges_between(mesh, kept)[0]
         with phase(0.7, 1.0, "Dissolving faces"):
             vertices, faces, corners, moved = _dissolved(
-                sharp, held, angle, tolerance, np.radians(turn)
+                sharp, held, angle, _allowed(whole, tolerance), np.radians(turn)
             )
     turned = mesh.flipped[faces]
     for each in (vertices, corners):
@@ -269,10 +272,11 @@ def _chains(keys: npt.NDArray[Any], count: int) -> tuple[Ints, Ints]:
 
 
 def _dissolved(
-    mesh: TriangleMesh, held: Bools, angle: float, tolerance: float, turn: float
+    mesh: TriangleMesh, held: Bools, angle: float, allowed: tuple[Floats, Floats], turn: float
 ) -> tuple[Ints, npt.NDArray[np.intp], npt.NDArray[np.int64], Floats]:
     # The vertices of the faces that are left, which they are, a corner of the mesh at each of
-    # theirs, and where the vertices are.
+    # theirs, and where the vertices are. How far vertices may lie from the new faces is given
+    # away from creases and along them.
     sharp = _bends(mesh, angle)
     normals = _smooth_normals(mesh, held | sharp)
     count, faces, home = mesh.vertex_count, mesh.faces.copy(), mesh.scaled_vertices
@@ -287,8 +291,8 @@ def _dissolved(
     lists = _chains(np.concatenate([first // 3, np.arange(mesh.face_count)]), mesh.face_count)
     wanted = np.concatenate([np.zeros((count, 3)), normals])
     weights = np.concatenate([np.zeros(count), areas])
-    most = np.full(len(samples), tolerance**2)
-    most[:count][near] *= _CUT**2
+    away, along = allowed
+    most = np.concatenate([np.where(near, along, away), away[faces].min(axis=1)]) ** 2
     sums = np.column_stack([normals, off]) * areas[:, None]
     quadrics = np.zeros((count, 4, 4))
     _add_planes(points, faces, normals, areas * _share(mesh, held | sharp), held, quadrics)
@@ -309,6 +313,21 @@ def _dissolved(
     kept = np.flatnonzero(alive)
     moved = mesh.vertices + mesh.mean_edge_length * (points - home)
     return faces[kept], kept, sources[kept] & 0xFFFFFFFF, moved
+
+
+def _allowed(mesh: TriangleMesh, tolerance: float) -> tuple[Floats, Floats]:
+    # How far each vertex may lie from the new faces, away from creases and along them. The mean
+    # edge is no measure where design programs put short edges beside long ones: a quarter of it may
+    # be thicker than the part. There the shortest edge at the vertex counts, if that is less, and
+    # no remesh has cut corners.
+    ends = mesh.faces, mesh.faces[:, (1, 2, 0)]
+    lengths = np.linalg.norm(mesh.scaled_vertices[ends[0]] - mesh.scaled_vertices[ends[1]], axis=2)
+    shortest, remeshed = np.ones(mesh.vertex_count), np.ones(mesh.vertex_count)
+    for each in ends:
+        np.minimum.at(shortest, each, lengths)
+    np.minimum.at(remeshed, mesh.faces, possible_noise(mesh)[:, None])
+    away = tolerance * shortest ** (1.0 - remeshed)
+    return away, away * (1.0 + (_CUT - 1.0) * remeshed)
 
 
 def _share(mesh: TriangleMesh, held: Bools) -> Floats:

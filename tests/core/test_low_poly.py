@@ -74,6 +74,39 @@ def test_vertices_of_the_sharpened_mesh_stay_near_the_faces(tolerance):
     assert away.max() < (2 * tolerance + 0.1) * mesh.mean_edge_length
 
 
+def plate(rim, thickness, count):
+    """A toothed plate as a design program exports it: planes cut into faces with long edges."""
+    angle = 2 * np.pi * np.arange(count) / count
+    radius = np.where(np.arange(count) % 4 < 2, rim, 0.9 * rim)
+    outline = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    outline = np.vstack([outline, [0.0, 0.0]])
+    sides = [np.column_stack([outline, np.full(count + 1, z)]) for z in (0.0, thickness)]
+    a = np.arange(count)
+    b, top = (a + 1) % count, count + 1
+    faces = [[b, a, a * 0 + count], [a + top, b + top, a * 0 + count + top],
+             [a, b, b + top], [a, b + top, a + top]]  # fmt: skip
+    return core.TriangleMesh(np.vstack(sides), np.stack(faces).swapaxes(1, 2).reshape(-1, 3))
+
+
+def volume(mesh):
+    return np.linalg.det(mesh.vertices[mesh.faces]).sum() / 6
+
+
+def test_thin_parts_of_design_programs_keep_their_walls():
+    corners, faces = cube(1)
+    beam = core.TriangleMesh(corners * (10.0, 1.0, 0.2), faces)
+    low = core.crisp_low_poly(beam)
+    assert len(low.faces) == 12
+    np.testing.assert_allclose(low.vertices, beam.vertices[low.vertex_source], atol=1e-9)
+    thin = plate(10.0, 0.2, 120)
+    low = core.crisp_low_poly(thin)
+    assert len(low.faces) < thin.face_count
+    assert (of(low).twins >= 0).all()
+    assert volume(of(low)) == pytest.approx(volume(thin), rel=0.05)
+    coarse = core.crisp_low_poly(thin, tolerance=10.0, turn=60.0)
+    assert len(coarse.faces) < len(low.faces)  # a large tolerance still counts
+
+
 def test_sheets_that_touch_at_an_edge_come_apart():
     vertices, faces = cube(4)
     step = np.array([4.0, 4.0, 0.0])
