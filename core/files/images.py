@@ -41,6 +41,9 @@ from .output import DEFAULTS, Options, Outcome, check_free, staged
 from .reading import check_source, check_target, reading, writing
 
 TIFFS = (".tif", ".tiff")
+
+_HALF = np.finfo(np.float16).max
+
 BIG = 1 << 28
 """Bytes of pixels above which TIFF files are filtered chunk by chunk."""
 
@@ -99,7 +102,8 @@ def filter_image_file(
     def fill(pixels: Pixels, result: Pixels) -> None:
         with reporting(options.progress):
             if pixels.dtype == np.float16:
-                result[...] = function(pixels.astype(np.float32), **words)
+                found = function(pixels.astype(np.float32), **words)
+                result[...] = found.clip(-_HALF, _HALF)  # beyond lies infinity
             elif fills:
                 function(pixels, **words, out=result)
             else:

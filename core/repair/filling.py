@@ -144,6 +144,8 @@ def fill_texture(
         with phase(0.8, 1.0, "Filling the gutter"):
             if (gone & (weights < 1)).any():
                 mix_texels(texture.atlas, values, 1.0, weights, result)
+            if not texture.unit:
+                _limit(result, pixels[~gone], alpha)
             texture = texture._replace(opacity_stays=False)
             out = written(texture, result.copy(), settings, ~gone)
             points = gone & (texture.atlas.lone >= 0)
@@ -276,6 +278,17 @@ def _filled(
         hidden = hidden[~missing.reshape(-1)[hidden]]
         result.reshape(flat.shape)[hidden] = flat[hidden]
     return result
+
+
+def _limit(result: _Single, known: npt.NDArray, alpha: int) -> None:
+    # Slopes and grain lead on below 0, and opacity beyond 1, where nothing that is known is.
+    # Integers are cut off when they are written.
+    for channel in range(known.shape[1] if known.dtype.kind == "f" and len(known) else 0):
+        values = result[..., channel]
+        if known[:, channel].min() >= 0:
+            np.maximum(values, 0, out=values)
+        if channel == alpha and known[:, channel].max() <= 1:
+            np.minimum(values, 1, out=values)
 
 
 def _at_nodes(atlas: TextureAtlas, gone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

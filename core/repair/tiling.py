@@ -117,6 +117,8 @@ def make_tileable(
                     new = np.clip(np.rint(new), 0, np.iinfo(given.dtype).max)
                 elif channel == alpha:
                     new = np.clip(new, min(old.min(), 0.0), max(old.max(), 1.0))
+                elif old.min() >= 0:  # light, heights
+                    new = np.maximum(new, 0.0)
                 out[..., channel] = new
                 if weights is not None:
                     np.copyto(out[..., channel], pixels[..., channel], where=weights == 0)

@@ -121,6 +121,24 @@ def test_values_stay_in_the_range_around_a_hole():
     assert result[missing].max() < 0.75 + 1e-3
 
 
+def test_filled_light_is_not_below_0_and_filled_opacity_stays_opacity():
+    mesh, uv, atlas = ball()
+    rng = np.random.default_rng(0)
+    image = 1e4 * rng.random((96, 96, 4)) ** 8
+    image[..., 3] = np.hypot(*np.mgrid[-48:48, -48:48]) < 20
+    missing = (rng.random((96, 96)) < 0.4) & atlas.inside
+    for surface in ("membrane", "thin_plate"):
+        settings = core.FillSettings(surface=surface, grain=1.0)
+        result = core.fill_texture(mesh, uv, image, settings, missing=missing)
+        assert result.min() == 0
+        assert result[..., 3].max() == 1
+        np.testing.assert_array_equal(
+            result[~missing & atlas.inside], image[~missing & atlas.inside]
+        )
+        signed = core.fill_texture(mesh, uv, image[..., :3] - 1e3, settings, missing=missing)
+        assert signed[missing].min() < -1e3  # such as heights
+
+
 def test_parts_of_which_nothing_is_known_take_the_nearest_colors():
     vertices, faces = grid(4, 4)
     both = np.concatenate([vertices, vertices + [0.0, 0.0, 0.1], vertices + [0.0, 0.0, 5.0]])

@@ -145,3 +145,19 @@ def test_opacity_of_floats_stays_opacity(channels):
     assert core.make_tileable(opacity).max() > 1.01  # heights and the like may leave their range
     shown = core.make_tileable(image)[..., -1]
     assert 0.0 <= shown.min() <= shown.max() <= 1.0
+
+
+def test_light_is_not_below_0_and_signed_values_are_free():
+    image = 1e4 * np.random.default_rng(0).random((48, 64, 3)) ** 8
+    assert core.make_tileable(image).min() == 0
+    signed = core.make_tileable(image - 1e4)
+    assert signed.min() < -1e4
+
+
+def test_half_floats_stay_finite(tmp_path):
+    values = 6e4 * np.random.default_rng(0).random((32, 32, 3))
+    np.save(tmp_path / "a.npy", values.astype(np.float16))
+    assert cli.main(["make-tileable", str(tmp_path / "a.npy"), str(tmp_path / "b.npy")]) == 0
+    result = np.load(tmp_path / "b.npy")
+    assert result.dtype == np.float16
+    assert result.max() == np.finfo(np.float16).max
