@@ -125,7 +125,9 @@ def transformed(points: npt.NDArray[Any], matrix: Floats) -> Floats:
     """Apply a 4x4 matrix to points; the identity keeps them bit for bit."""
     if np.array_equal(matrix, np.eye(4)):
         return points.astype(np.float64)
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
+    with np.errstate(invalid="ignore"):  # infinite points are refused by a sentence
+        moved: Floats = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return moved
 
 
 def is_invertible(matrix: Floats) -> bool:

@@ -296,7 +296,8 @@ class TexelPlanes(WholePlanes):
             wide = smooth_texels(atlas, potential[..., None].copy(), plan.passes)[..., 0]
             run(mix_potentials, len(wide), potential, wide, plan.shares, chunk=_CHUNK)
         areas = atlas.metric.texel_areas[np.maximum(atlas.sheet.nodes, 0)]
-        times = plan.times * np.clip(areas * areas, _LEAST, _MOST)
+        with np.errstate(over="ignore"):  # an infinite time is one, too
+            times = plan.times * np.clip(areas * areas, _LEAST, _MOST)
         out = texels.copy()
         with phase(0.5, 1.0, "Tracing flow-lines"):
             advect_texels(atlas, texels, channels, shock_flow(atlas, wide), times, out,

@@ -202,6 +202,15 @@ def test_a_node_of_scale_zero_is_named(target):
         filter_mesh_file(lift, "in.glb", target)
 
 
+def test_infinite_positions_are_named_without_warnings():
+    points = ARRAYS[0].copy()
+    points[0] = np.inf, -np.inf, np.nan
+    write(description(), "in.gltf")
+    Path("a.bin").write_bytes(points.tobytes() + blob()[points.nbytes :])
+    with pytest.raises(core.InvalidMesh, match="NaN or infinite positions"):
+        filter_mesh_file(lift, "in.gltf", "out.gltf")
+
+
 def test_a_node_of_scale_zero_does_not_hide_others():
     tree = description()
     tree["nodes"][0]["scale"] = [1, 0, 1]

@@ -185,6 +185,15 @@ def test_transparent_texels_lend_no_color(seed):
     assert np.isfinite(second).all()
 
 
+def test_transparent_textures_on_charts_of_any_scale_stay_without_warnings():
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh = core.TriangleMesh(np.concatenate([square, 8 * square + 2]), [*faces, *faces + 4])
+    uv = np.concatenate([0.8 * square, 0.1 * square + 0.85])[mesh.faces, :2]
+    image = np.zeros((64, 64, 4), np.float32)
+    np.testing.assert_array_equal(core.sharpen_texture(mesh, uv, image), image)
+
+
 def test_masks_keep_bits_and_amount_mixes():
     image = spoiled()
     mesh, uv = flat_square()
