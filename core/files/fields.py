@@ -83,13 +83,16 @@ def field_pixels(values: Pixels, inside: Pixels, target: Path, depth: type) -> P
     """
     if target.suffix.lower() in RAW:
         return values
-    largest = values[inside].max(initial=0.0)
-    if not largest <= 1.0:
+    shown, whole = values[inside], np.iinfo(depth).max
+    least, largest = shown.min(initial=0.0), shown.max(initial=0.0)
+    negative = least < -0.5 / whole  # others are rounded to 0
+    if negative or not largest <= 1.0:
+        reached = f"from {least:g} to {largest:g}" if negative else f"{largest:g}"
         raise ShockError(
-            f"The values reach {largest:g}, and {target.suffix} files hold 0 to 1; choose another"
+            f"The values reach {reached}, and {target.suffix} files hold 0 to 1; choose another"
             " look, or write .npy, .tif or .exr."
         )
-    return np.rint(np.iinfo(depth).max * np.clip(values, 0.0, 1.0)).astype(depth)
+    return np.rint(whole * np.clip(values, 0.0, 1.0)).astype(depth)
 
 
 def field_outcome(values: Pixels, inside: Pixels, notes: tuple[str, ...]) -> Outcome:

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests of curvature at vertices and in textures, against surfaces whose curvature is known."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from shapes import cube, icosphere, rotation
 from shock_filter import core
+from shock_filter.core.errors import ShockError
+from shock_filter.core.files.fields import field_pixels
 from surface_patches import SURFACES, laid_out, patch
 
 KINDS = ["regular", "random", "stretched"]
@@ -151,3 +155,13 @@ def test_the_smallest_white_gives_numbers():
     settings = core.CurvatureSettings(look="gray", white=1e-46)
     mesh, uv = core.TriangleMesh(square, faces), square[faces][..., :2]
     assert np.isfinite(core.curvature_map(mesh, uv, settings, size=(8, 8))).all()
+
+
+def test_pictures_refuse_negative_values_of_meshes_in_small_units():
+    inside = np.array([[True, True, False]])
+    values = np.array([[-0.004, 0.5, -9.0]], np.float32)
+    with pytest.raises(ShockError, match=r"reach from -0\.004 to 0\.5, and \.png files"):
+        field_pixels(values, inside, Path("a.png"), np.uint8)
+    values[0, 0] = -0.001  # rounded to 0
+    assert field_pixels(values, inside, Path("a.png"), np.uint8).tolist() == [[0, 128, 0]]
+    assert field_pixels(values, inside, Path("a.tif"), np.uint8) is values
