@@ -207,7 +207,10 @@ def _quality(bright: Floats) -> float | None:
         others = _coefficients(bright[down:, right:])
         if others is not None and _fit(others, quality)[0] > _ELSEWHERE * sure:
             return None
-    return float(quality)
+    # Blocks that repeat, as on sheets of sprites, tell nothing new.
+    distinct = np.unique(coefficients[:, :4, :4].reshape(-1, 16).round(3), axis=0)
+    sure = _fit(distinct.reshape(-1, 4, 4), quality)[0]
+    return float(quality) if sure > _SURE else None
 
 
 def _coefficients(bright: Floats) -> Floats | None:

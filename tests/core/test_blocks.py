@@ -62,6 +62,14 @@ def test_soft_pictures_fit_all_grids_alike_and_have_no_blocks(seed):
     assert compression_of(compressed(blurred.astype(np.uint8), 50)) is not None
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_sheets_of_a_sprite_have_no_blocks(seed):
+    sprite = np.zeros((32, 24, 1), np.uint8)
+    body = np.random.default_rng(seed).integers(0, 256, (10, 7, 1))
+    sprite[6:26, 5:19] = body.repeat(2, 0).repeat(2, 1)
+    assert compression_of(np.tile(sprite, (6, 8, 1))) is None
+
+
 def test_cut_and_repeated_pictures_are_recognized():
     broken = compressed(picture(), 40)
     assert compression_of(broken[3:, 5:]).offset == (5, 3)
