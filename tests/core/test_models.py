@@ -201,6 +201,8 @@ def test_the_shape_is_repaired_on_request(tmp_path):
     [
         ({"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}, "are transformed"),
         ({"texCoord": 1}, "other texture coordinates"),
+        ({"index": -1}, "color of materials[0] names a texture that is not there, or in"),
+        ({"index": "0"}, "color of materials[0] names a texture that is not there, or in"),
     ],
 )
 def test_what_cannot_be_read_is_said_and_leaves_no_output(tmp_path, capsys, change, words):

@@ -54,8 +54,8 @@ def material_images(
             notes.append(f"{part} of {_name(material, number)}: {reason}")
         except _ERRORS as error:
             raise ShockError(
-                f"{path}: materials[{number}] names a texture that cannot be read ({error!r});"
-                " repair the file, or export it again."
+                f"{path}: {part} of materials[{number}] names a texture that is not there, or in"
+                " another way than glTF does; repair the file, or export it again."
             ) from error
     return images, notes
 
