@@ -505,6 +505,14 @@ def test_what_is_transparent_is_not_measured():
     assert measure_noise(image, 1.0, 3) == pytest.approx(0.05, rel=0.25)
 
 
+def test_turned_images_have_the_same_noise():
+    image = photo(84, 42, channels=4)
+    image[:50, :20] = 0.0
+    noise = measure_noise(image, 1.0, 3)
+    for turned in (np.rot90(image), np.rot90(image, 2), np.rot90(image, 3), image[:, ::-1]):
+        assert measure_noise(turned, 1.0, 3) == pytest.approx(noise, rel=1e-9)
+
+
 def test_values_cut_at_the_ends_of_the_range_are_made_up_for():
     noise = 0.05 * np.random.default_rng(8).normal(size=(96, 96, 1))
     assert measure_noise(np.maximum(noise, 0.0), 1.0, -1) == pytest.approx(0.05, rel=0.3)
