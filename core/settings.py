@@ -285,9 +285,11 @@ def _number(name: str, value: Any, about: Setting, kind: type) -> Any:
     if kind is int and value != value // 1:
         raise InvalidSettings(f"{name} is {value!r}; give a whole number.")
     if not about.minimum <= value <= about.maximum:
+        least, most = (f"{end:.0f}" if kind is int else f"{end:g}"
+                       for end in (about.minimum, about.maximum))  # fmt: skip
         raise InvalidSettings(
-            f"{name} is {value!r}; give a value from {about.minimum:g} to"
-            f" {about.maximum:g}{' ' + about.unit if about.unit else ''}."
+            f"{name} is {value!r}; give a value from {least} to"
+            f" {most}{' ' + about.unit if about.unit else ''}."
         )
     return kind(value)
 
@@ -1024,7 +1026,6 @@ class WearSettings(_Settings):
     seed: int = _setting(
         0,
         "Other numbers give other noise",
-        unit="any number",
         maximum=2**31 - 1,
         advanced=True,
     )
@@ -1095,7 +1096,6 @@ class StreakSettings(_Settings):
     seed: int = _setting(
         0,
         "Other numbers give other streaks of the same kind",
-        unit="any number",
         maximum=2**31 - 1,
         soft_maximum=100,
     )
