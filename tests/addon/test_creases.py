@@ -232,7 +232,9 @@ def test_what_is_seen_becomes_a_low_poly(rounded_box, change):
     assert not twin.hide_get()
 
 
-def test_linked_objects_become_a_low_poly(rounded_box, tmp_path, select):
+@pytest.fixture
+def linked_box(rounded_box, tmp_path, select):
+    """Return a selected box that is linked from another file."""
     path = str(tmp_path / "box.blend")
     bpy.data.libraries.write(path, {rounded_box()})
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -240,6 +242,26 @@ def test_linked_objects_become_a_low_poly(rounded_box, tmp_path, select):
         wanted.objects = ["Cube"]
     bpy.context.collection.objects.link(wanted.objects[0])
     select(wanted.objects[0])
+    return wanted.objects[0]
+
+
+def test_what_only_looks_at_a_mesh_takes_a_linked_one(linked_box, monkeypatch):
+    shown_objects = []
+    monkeypatch.setattr(showing, "show", lambda obj, _: shown_objects.append(obj))
+    assert bpy.ops.shock_filter.show_creases() == {"FINISHED"}
+    assert bpy.ops.shock_filter.show_flow(mode="geometry") == {"FINISHED"}
+    assert shown_objects == [linked_box, linked_box]
+    assert bpy.ops.shock_filter.mark_creases(output="CURVES") == {"FINISHED"}
+    assert any(obj.type == "CURVE" and obj.library is None for obj in bpy.context.scene.objects)
+    for press in (
+        lambda: bpy.ops.shock_filter.mark_creases(output="MARKS"),
+        lambda: bpy.ops.shock_filter.show_flow(mode="geometry", attributes=True),
+    ):
+        with pytest.raises(RuntimeError, match="linked from another file"):
+            press()
+
+
+def test_linked_objects_become_a_low_poly(linked_box):
     assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
     low = bpy.context.object
     assert low.library is None and low.data.library is None and len(low.data.polygons) < 200

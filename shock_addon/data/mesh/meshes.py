@@ -87,6 +87,7 @@ def read_targets(
     *,
     is_seen: Callable[[bpy.types.Object], bool] = lambda obj: False,
     source_of: Callable[[bpy.types.Object], bpy.types.Object | None] = lambda obj: None,
+    writes: bool = True,
 ) -> tuple[list[MeshTarget], list[str]]:
     """Read all objects that the operator acts on, each mesh once.
 
@@ -103,6 +104,8 @@ def read_targets(
         keys applied, and not its mesh; see `visible`.
     source_of : callable
         ``source_of(obj)`` gives the object of which that is read instead, if there is one.
+    writes : bool
+        Whether the meshes will be changed, so that linked ones are left alone.
 
     Returns
     -------
@@ -119,7 +122,8 @@ def read_targets(
     def read_target(obj: bpy.types.Object, mode: str) -> MeshTarget:
         if obj in seen:
             return read_visible(obj, mode)
-        skip_if(mesh_refusal(obj.data))
+        if writes:
+            skip_if(mesh_refusal(obj.data))
         check_readable(obj)
         return target_of(obj, *read(obj, mode, parameters))
 
@@ -178,12 +182,12 @@ def read_each(
 
 
 def read_active(
-    context: bpy.types.Context, read: Callable[..., tuple], parameters: Any
+    context: bpy.types.Context, read: Callable[..., tuple], parameters: Any, *, writes: bool = True
 ) -> tuple[list[MeshTarget], list[str]]:
     """Read the active object alone, whatever else is selected; see `read_targets`."""
     only = [context.object]
     with context.temp_override(selected_objects=only, objects_in_mode=only):
-        return read_targets(bpy.context, read, parameters)
+        return read_targets(bpy.context, read, parameters, writes=writes)
 
 
 def _no_meshes(context: bpy.types.Context) -> list[tuple[str, str]]:
