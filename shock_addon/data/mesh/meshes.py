@@ -131,7 +131,13 @@ def read_targets(
         from .visible import shown
 
         check_in_object_mode(obj)
-        with shown(source_of(obj) or obj) as found:
+        source = source_of(obj) or obj
+        with shown(source) as found:
+            if source.data.polygons and not found.data.polygons:
+                raise Skipped(
+                    "its modifiers leave no faces, as instances are not real; add a Realize"
+                    " Instances node, or hide the modifier"
+                )
             check_readable(found)
             return replace(target_of(obj, *read(found, mode, parameters)), is_seen=True)
 
