@@ -265,7 +265,7 @@ def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     Raises
     ------
     Skipped
-        If the scale is zero along an axis.
+        If the scale is zero along an axis, or anything is no number.
     """
     # Rotation and uniform scale change nothing, so they are left out: no rounding.
     matrix = matrix_in_world(obj)[:3, :3]
@@ -287,9 +287,14 @@ def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     Raises
     ------
     Skipped
-        If the scale is zero along an axis.
+        If the scale is zero along an axis, or anything is no number.
     """
     matrix = np.array(obj.matrix_world, dtype=np.float64)
+    if not np.isfinite(matrix).all():
+        raise Skipped(
+            "its transform holds NaN or infinity; set location, rotation and scale anew, and look"
+            " at its drivers and constraints"
+        )
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
     if not stretches[-1] > _SINGULAR * stretches[0]:
         raise Skipped("its scale is zero along an axis; set a scale that is not zero")
