@@ -147,6 +147,18 @@ def test_a_transform_without_numbers_is_named_and_others_go_on(rounded_box, sele
     assert (read_positions(whole.data) != before).any()
 
 
+def test_creases_that_a_weak_mask_holds_are_neither_closed_nor_nothing(rounded_box):
+    box = rounded_box()
+    group = box.vertex_groups.new(name="Weak")
+    group.add(range(len(box.data.vertices)), 1e-6, "REPLACE")
+    assert sharpen(vertex_group="Weak") == {"FINISHED"}
+    said = operators.summaries["geometry"]
+    assert said.startswith("Sharpened 1 mesh: ")
+    assert "none moved" in said
+    assert "Closed creases" not in said
+    assert "To keep threads" not in said
+
+
 def test_loose_vertices_and_edges_stay(rounded_box):
     box = rounded_box()
     mesh = box.data
