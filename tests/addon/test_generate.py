@@ -196,6 +196,23 @@ def test_other_objects_occlude_by_choice(sheet):
     assert read(f"{sheet.name} Occlusion.001").min() > 0.99
 
 
+@pytest.mark.parametrize(
+    ("part", "reason"),
+    [("position", "Vertex 3 has no valid position"), ("UVMap", "Texture coordinates are NaN")],
+)
+def test_an_object_with_nan_is_named_and_others_go_on(sheet, part, reason, capfd):
+    bad = add_sheet()
+    values = bad.data.attributes[part].data
+    values[3].vector = [float("nan"), *values[3].vector[1:]]
+    bpy.ops.object.select_all(action="SELECT")
+    bpy.context.view_layer.objects.active = sheet
+    words = {"target": "occlusion", "image_size": str(SIZE), "occlusion_rays": 4}
+    assert generate(**words) == {"FINISHED"}
+    assert f"Skipped {bad.name}: {reason}" in capfd.readouterr().out
+    bad.select_set(False)
+    assert generate(occlude=True, **words) == {"FINISHED"}  # it casts no shadow
+
+
 def test_marked_edges_are_worn_by_choice(sheet):
     """A ridge is worn, unless edges elsewhere are marked alone."""
     for vertex in sheet.data.vertices:

@@ -255,10 +255,12 @@ def _read_faces(
             "no face of it has a material that shows {image}; assign one", image=image.name
         )
     uv = arrays.read(layer.uv, "vector", 2)
+    _check_finite(uv[corners])
     matrix = meshes.matrix_in_world(obj)
     if np.linalg.det(matrix[:3, :3]) < 0:  # mirrored: else its faces would be inside out
         corners = corners[:, ::-1]
     positions = meshes.read_positions(mesh).astype(np.float64)
+    meshes.check_finite(positions)
     vertices = meshes.read_corner_vertices(mesh)
     return TexturedFaces(
         positions @ matrix[:3, :3].T + matrix[:3, 3],
@@ -268,6 +270,18 @@ def _read_faces(
         _grays(mesh, parameters, vertices, corners),
         _normals(mesh, corners, matrix) if with_normals else None,
     )
+
+
+def _check_finite(uv: npt.NDArray) -> None:
+    # As in the core, which does not know the objects that are joined for it.
+    is_finite = np.isfinite(uv).all(axis=(1, 2))
+    if not is_finite.all():
+        text = pgettext_rpt(
+            "Texture coordinates are NaN or infinite at {bad} of {count} faces, the first is face"
+            " {first}; unwrap them again."
+        )
+        bad, first = np.count_nonzero(~is_finite), int(np.argmin(is_finite))
+        raise Skipped(as_reason(text.format(bad=bad, count=len(uv), first=first)))
 
 
 def _uv_layer(

@@ -11,12 +11,12 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
-from bpy.app.translations import pgettext_iface
+from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ....core.host.inputs import Surface
 from .. import arrays
 from ..chosen import CONVERTIBLE, mesh_objects, mesh_refusal
-from ..skipped import Refused, Skipped, sentences, skip_if
+from ..skipped import Refused, Skipped, as_reason, sentences, skip_if
 from .targets import MeshTarget
 
 _SINGULAR = 1e-6
@@ -306,6 +306,17 @@ def check_readable(obj: bpy.types.Object) -> None:
     check_in_object_mode(obj)
     if not obj.data.polygons:
         raise Skipped("it has no faces; add some, or select another object")
+
+
+def check_finite(positions: npt.NDArray) -> None:
+    """Raise `Skipped` if a vertex is at NaN or infinity.
+
+    The core says so, too, but does not know the objects that are joined for it.
+    """
+    is_finite = np.isfinite(positions).all(axis=1)
+    if not is_finite.all():
+        text = "Vertex {number} has no valid position (NaN or infinity); delete or move it."
+        raise Skipped(as_reason(pgettext_rpt(text).format(number=int(np.argmin(is_finite)))))
 
 
 def check_in_object_mode(obj: bpy.types.Object) -> None:
