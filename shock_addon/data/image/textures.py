@@ -244,7 +244,7 @@ def _read_faces(
     """Read the faces whose material shows the image, or all."""
     meshes.check_readable(obj)
     mesh = obj.data
-    layer = _uv_layer(obj, image)
+    layer = uv_layer(obj, image)
     if layer is None:
         raise Skipped("it has no UV map; unwrap it in Edit Mode (UV > Unwrap)")
     corners = meshes.read_triangle_corners(mesh)
@@ -284,15 +284,20 @@ def _check_finite(uv: npt.NDArray) -> None:
         raise Skipped(as_reason(text.format(bad=bad, count=len(uv), first=first)))
 
 
-def _uv_layer(
+def uv_layer(
     obj: bpy.types.Object, image: bpy.types.Image | None
 ) -> bpy.types.MeshUVLoopLayer | None:
-    """Return the UV map by which the materials of an object show an image, else the active one."""
+    """Return the UV map by which the materials of an object show an image, else the active one.
+
+    Where no *UV Map* node names one, materials take that which is active for rendering.
+    """
     layers = obj.data.uv_layers
     slots = [slot.material for slot in obj.material_slots] if image is not None else []
     nodes = [node for material in filter(None, slots) for node in image_nodes(material)]
     shown = [node for node in nodes if node.image == image]
     sources = {coordinates_of(node, ("REROUTE", "MAPPING")) for node in shown}
+    rendered = next((("UV", each.name) for each in layers if each.active_render), None)
+    sources = {rendered if source == ("UV", "") else source for source in sources}
     return next((each for each in layers if sources == {("UV", each.name)}), layers.active)
 
 
