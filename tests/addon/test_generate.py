@@ -296,6 +296,18 @@ def test_an_object_without_a_material_shows_the_image(sheet):
     assert "had no material" not in operators.summaries["generate"]
 
 
+def test_a_node_names_the_uv_map_that_renders_do_not_take(sheet):
+    layers = sheet.data.uv_layers
+    other = layers.new(name="Other")
+    for active, name in ((layers[0], ""), (other, "Other")):
+        layers.active = active
+        sheet.data.materials.clear()
+        assert generate(target="curvature", image_size=str(SIZE)) == {"FINISHED"}
+        (node,) = [n for n in sheet.active_material.node_tree.nodes if n.type == "TEX_IMAGE"]
+        links = node.inputs["Vector"].links
+        assert [link.from_node.uv_map for link in links] == ([name] if name else [])
+
+
 def test_a_material_gets_a_node_that_waits(sheet):
     material = bpy.data.materials.new("Wood")
     material.use_nodes = True
