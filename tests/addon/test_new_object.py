@@ -337,6 +337,33 @@ def test_modifiers_may_make_the_faces(rounded_box):
     assert bpy.context.object.data.polygons
 
 
+@pytest.mark.parametrize("is_overridden", [False, True])
+def test_objects_of_linked_collections_are_read(rounded_box, select, tmp_path, is_overridden):
+    made = bpy.data.collections.new("Made")
+    made.objects.link(rounded_box())
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {made})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.collections = ["Made"]
+    (linked,) = wanted.collections
+    scene = bpy.context.scene
+    if is_overridden:
+        linked.override_hierarchy_create(scene, bpy.context.view_layer)
+    else:
+        scene.collection.children.link(linked)
+    (box,) = scene.objects
+    for press in (
+        lambda: sharpen(output="OBJECT"),
+        bpy.ops.shock_filter.crisp_low_poly,
+        lambda: bpy.ops.shock_filter.mark_creases(output="CURVES"),
+    ):
+        box.hide_set(False)
+        select(box)
+        assert press() == {"FINISHED"}
+    assert len(scene.collection.objects) == 3
+
+
 def test_instances_are_said_to_be_no_faces(rounded_box):
     box = rounded_box(cuts=3)
     group = bpy.data.node_groups.new("Instances", "GeometryNodeTree")
