@@ -109,7 +109,9 @@ class SHOCK_FILTER_OT_mark_creases(_CreaseOperator, bpy.types.Operator):
             _check_mode(
                 context, "New objects are made in Object Mode; go there, or choose another output."
             )
-        return data.mesh.meshes.read_targets(context, self.reader(), self._parameters())
+        return data.mesh.meshes.read_targets(
+            context, self.reader(), self._parameters(), writes=self.output != "CURVES"
+        )
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Mark them, and return to the current object mode."""
@@ -170,7 +172,8 @@ class SHOCK_FILTER_OT_show_creases(_CreaseOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the active object."""
-        return data.mesh.meshes.read_active(context, self.reader(), self._parameters())
+        parameters = self._parameters()
+        return data.mesh.meshes.read_active(context, self.reader(), parameters, writes=False)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Draw them from now on."""

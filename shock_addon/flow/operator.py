@@ -58,7 +58,10 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the active object."""
-        return data.mesh.meshes.read_active(context, self.kind.read, self._parameters())
+        parameters = self._parameters()
+        return data.mesh.meshes.read_active(
+            context, self.kind.read, parameters, writes=self.attributes
+        )
 
     def task(self, settings: Any) -> Task:
         """Compute the flow of `self.targets`, and filter nothing."""

@@ -188,7 +188,7 @@ class SHOCK_FILTER_OT_paint_live_texture(bpy.types.Operator):
         except Refused as error:
             self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}
-        data.image.canvas.paint_on(context, mask)
+        data.image.canvas.paint_on(context, mask, node.image)
         self.report({"INFO"}, pgettext_rpt(BLACK_SHOWS if is_inverted else WHITE_SHOWS))
         return {"FINISHED"}
 

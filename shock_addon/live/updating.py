@@ -101,8 +101,10 @@ def _shows(obj: bpy.types.Object, mix: bpy.types.Node) -> bool:
 
 def obstacle(obj: bpy.types.Object | None) -> str:
     """Return why an object cannot be updated, in the language of the interface; empty if it can."""
-    if obj is None or obj.type != "MESH" or not is_live(obj):
-        return pgettext_rpt(_NOT_LIVE).format(name="" if obj is None else obj.name)
+    if obj is None:
+        return pgettext_rpt("Select a mesh object.")
+    if obj.type != "MESH" or not is_live(obj):
+        return pgettext_rpt(_NOT_LIVE).format(name=obj.name)
     if obj.mode != "OBJECT":
         return pgettext_rpt(_BUSY).format(name=obj.name)
     if data.chosen.is_live_copy(obj) and data.chosen.live_source(obj) is None:

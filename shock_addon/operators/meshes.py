@@ -86,7 +86,22 @@ class MeshOperator(FilterOperator):
             for swap in meshes:
                 swap.note_after()
             data.replaced.hold(swaps)
-            return done
+        self._is_held_back = self.kind.moves and self._forget_closed(done[0])
+        return done
+
+    def _forget_closed(self, written: list[Written]) -> bool:
+        """Drop remarks on closed creases of meshes that have not moved visibly, as by weak masks.
+
+        Returns whether there were any.
+        """
+        closed = {id(target) for target, each in self._findings if "widest_fillet" in each.values}
+        still = {
+            id(each.target)
+            for each in written
+            if not getattr(each.result, "shape", each.result).moved
+        }
+        self._findings[:] = [each for each in self._findings if id(each[0]) not in closed & still]
+        return bool(closed & still)
 
     def _is_live(self, obj: bpy.types.Object) -> bool:
         return obstacles.makes_live(self.row, self, obj)
@@ -139,7 +154,7 @@ class MeshOperator(FilterOperator):
             has_moved = any(result.moved for result in results)
             if not self.row.nothing and not has_moved:
                 advice = self.advice and pgettext_rpt(self.advice)
-            elif not has_moved:
+            elif not has_moved and not self._is_held_back:
                 has_modifiers = any(
                     _other_modifiers(each.data) and not each.target.is_seen for each in written
                 )

@@ -88,13 +88,11 @@ class TextureOperator(OneImageOperator):
             with data.mesh.meshes.object_mode(bpy.context):
                 mask, is_inverted = self._live_mask(target.objects, source)
                 data.image.mixing.show(target.objects, source, image, mask, is_inverted)
-        elif self.output == "REPLACE":
+        elif self.output == "REPLACE" or self.assign:
             if data.image.mixing.remove(target.objects, source):
                 text = pgettext_rpt("The live mix of {name} in the materials was removed.")
                 self._notes.append(text.format(name=source.name))
-        elif self.assign:
-            data.image.mixing.remove(target.objects, source)
-            if image == source:
+            if self.output == "REPLACE" or image == source:
                 return
             # Texture Paint Mode looks for the materials' images when it is entered.
             with data.mesh.meshes.object_mode(bpy.context):

@@ -124,7 +124,7 @@ class Painting:
             data.image.canvas.keep(undo, settings, "image", "gain_map")
             # Else the painted image would be taken for the texture, or the stand-in for the image.
             settings.image, settings.gain_map = image.name, gain_map.name
-            data.image.canvas.paint_on(context, gain_map, undo)
+            data.image.canvas.paint_on(context, gain_map, image, undo)
             self.stage = _Stage(image, gain_map, target.surface, target.objects)
             undo.callback(self.stage.end)
             self.preview = Preview(mode, parameters, self.stage)

@@ -182,6 +182,13 @@ def test_a_soft_box_becomes_a_low_poly_with_its_materials_and_uvs(rounded_box):
     assert np.ptp(uv) > 0.3
 
 
+@pytest.mark.parametrize(("tolerance", "is_told"), [(0.25, True), (0.02, False)])
+def test_a_low_poly_that_cuts_off_what_is_round_says_so(tolerance, is_told, capfd):
+    bpy.ops.mesh.primitive_cylinder_add(vertices=64)
+    assert bpy.ops.shock_filter.crisp_low_poly(tolerance=tolerance) == {"FINISHED"}
+    assert ("of the volume" in capfd.readouterr().out) == is_told
+
+
 def test_objects_that_share_a_mesh_share_its_low_poly(rounded_box):
     box = rounded_box(cuts=19)
     box.data.materials.append(bpy.data.materials.new("Gray"))
@@ -232,7 +239,9 @@ def test_what_is_seen_becomes_a_low_poly(rounded_box, change):
     assert not twin.hide_get()
 
 
-def test_linked_objects_become_a_low_poly(rounded_box, tmp_path, select):
+@pytest.fixture
+def linked_box(rounded_box, tmp_path, select):
+    """Return a selected box that is linked from another file."""
     path = str(tmp_path / "box.blend")
     bpy.data.libraries.write(path, {rounded_box()})
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -240,6 +249,26 @@ def test_linked_objects_become_a_low_poly(rounded_box, tmp_path, select):
         wanted.objects = ["Cube"]
     bpy.context.collection.objects.link(wanted.objects[0])
     select(wanted.objects[0])
+    return wanted.objects[0]
+
+
+def test_what_only_looks_at_a_mesh_takes_a_linked_one(linked_box, monkeypatch):
+    shown_objects = []
+    monkeypatch.setattr(showing, "show", lambda obj, _: shown_objects.append(obj))
+    assert bpy.ops.shock_filter.show_creases() == {"FINISHED"}
+    assert bpy.ops.shock_filter.show_flow(mode="geometry") == {"FINISHED"}
+    assert shown_objects == [linked_box, linked_box]
+    assert bpy.ops.shock_filter.mark_creases(output="CURVES") == {"FINISHED"}
+    assert any(obj.type == "CURVE" and obj.library is None for obj in bpy.context.scene.objects)
+    for press in (
+        lambda: bpy.ops.shock_filter.mark_creases(output="MARKS"),
+        lambda: bpy.ops.shock_filter.show_flow(mode="geometry", attributes=True),
+    ):
+        with pytest.raises(RuntimeError, match="linked from another file"):
+            press()
+
+
+def test_linked_objects_become_a_low_poly(linked_box):
     assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
     low = bpy.context.object
     assert low.library is None and low.data.library is None and len(low.data.polygons) < 200

@@ -313,6 +313,16 @@ def painted(sheet):
     painting.stop()
 
 
+def test_strokes_go_by_the_uv_map_that_shows_the_texture(sheet):
+    bpy.context.scene.shock_filter.mode = "DETAIL"
+    layers = bpy.context.object.data.uv_layers
+    shown = layers.active.name
+    layers.active = layers.new(name="Light map")
+    assert paint_gain() == {"FINISHED"}
+    painting.stop()
+    assert bpy.context.object.data.uv_layers.active.name == shown
+
+
 def settled():
     """Tick until what is painted and set is shown; return the pixels that the model shows."""
     (one,) = painting._running

@@ -196,6 +196,23 @@ def test_other_objects_occlude_by_choice(sheet):
     assert read(f"{sheet.name} Occlusion.001").min() > 0.99
 
 
+@pytest.mark.parametrize(
+    ("part", "reason"),
+    [("position", "Vertex 3 has no valid position"), ("UVMap", "Texture coordinates are NaN")],
+)
+def test_an_object_with_nan_is_named_and_others_go_on(sheet, part, reason, capfd):
+    bad = add_sheet()
+    values = bad.data.attributes[part].data
+    values[3].vector = [float("nan"), *values[3].vector[1:]]
+    bpy.ops.object.select_all(action="SELECT")
+    bpy.context.view_layer.objects.active = sheet
+    words = {"target": "occlusion", "image_size": str(SIZE), "occlusion_rays": 4}
+    assert generate(**words) == {"FINISHED"}
+    assert f"Skipped {bad.name}: {reason}" in capfd.readouterr().out
+    bad.select_set(False)
+    assert generate(occlude=True, **words) == {"FINISHED"}  # it casts no shadow
+
+
 def test_marked_edges_are_worn_by_choice(sheet):
     """A ridge is worn, unless edges elsewhere are marked alone."""
     for vertex in sheet.data.vertices:
@@ -277,6 +294,18 @@ def test_an_object_without_a_material_shows_the_image(sheet):
     assert said in operators.summaries["generate"]
     generate(source="border", image_size=str(SIZE))
     assert "had no material" not in operators.summaries["generate"]
+
+
+def test_a_node_names_the_uv_map_that_renders_do_not_take(sheet):
+    layers = sheet.data.uv_layers
+    other = layers.new(name="Other")
+    for active, name in ((layers[0], ""), (other, "Other")):
+        layers.active = active
+        sheet.data.materials.clear()
+        assert generate(target="curvature", image_size=str(SIZE)) == {"FINISHED"}
+        (node,) = [n for n in sheet.active_material.node_tree.nodes if n.type == "TEX_IMAGE"]
+        links = node.inputs["Vector"].links
+        assert [link.from_node.uv_map for link in links] == ([name] if name else [])
 
 
 def test_a_material_gets_a_node_that_waits(sheet):

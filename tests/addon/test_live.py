@@ -806,6 +806,9 @@ def test_objects_without_a_live_result_are_named(rounded_box):
     with pytest.raises(RuntimeError, match="has no live result"):
         live.update(box)
     assert live.state(box) == ""
+    bpy.context.view_layer.objects.active = None
+    with pytest.raises(RuntimeError, match="Select a mesh object"):
+        bpy.ops.shock_filter.update_live()
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 7, 100_000])

@@ -62,6 +62,16 @@ def test_painting_where_shows_the_result_under_the_brush_only(wood):
     np.testing.assert_array_equal(shown[:, SIZE // 2 :], before[:, SIZE // 2 :])
 
 
+def test_brushes_paint_by_the_uv_map_that_shows_the_texture(wood):
+    layers = bpy.context.object.data.uv_layers
+    shown = layers.active.name
+    layers.active = layers.new(name="Light map")
+    sharpen(output="LIVE")
+    assert paint_where() == {"FINISHED"}
+    object_mode()
+    assert bpy.context.object.data.uv_layers.active.name == shown
+
+
 def test_painting_where_is_one_step_of_undo_and_paints_on_the_same_mask_again(wood):
     sharpen(output="LIVE")
     count = len(tree().nodes)

@@ -39,13 +39,14 @@ def test_pressing_again_starts_from_the_image_and_keeps_the_amount(wood):
     assert mix.inputs[mixing.AMOUNT].default_value == 0.25
 
 
-def test_another_output_takes_the_nodes_away(wood):
+def test_another_output_takes_the_nodes_away(wood, capfd):
     nodes = [each.bl_idname for each in tree().nodes]
     mask = add_image("Mask", np.ones((SIZE, SIZE, 4)))
     sharpen(output="LIVE", mask_image=mask.name, invert_mask=True)
     assert len(tree().nodes) > len(nodes)
     sharpen(output="NEW", image=wood.name)
     assert [each.bl_idname for each in tree().nodes] == nodes
+    assert "The live mix of Wood in the materials was removed." in capfd.readouterr().out
     result = next(each.image for each in tree().nodes if each.type == "TEX_IMAGE")
     np.testing.assert_allclose(baked(), images.read_pixels(result)[..., :3], rtol=0, atol=1e-6)
 

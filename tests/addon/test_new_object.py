@@ -337,6 +337,48 @@ def test_modifiers_may_make_the_faces(rounded_box):
     assert bpy.context.object.data.polygons
 
 
+@pytest.mark.parametrize("is_overridden", [False, True])
+def test_objects_of_linked_collections_are_read(rounded_box, select, tmp_path, is_overridden):
+    made = bpy.data.collections.new("Made")
+    made.objects.link(rounded_box())
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {made})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.collections = ["Made"]
+    (linked,) = wanted.collections
+    scene = bpy.context.scene
+    if is_overridden:
+        linked.override_hierarchy_create(scene, bpy.context.view_layer)
+    else:
+        scene.collection.children.link(linked)
+    (box,) = scene.objects
+    for press in (
+        lambda: sharpen(output="OBJECT"),
+        bpy.ops.shock_filter.crisp_low_poly,
+        lambda: bpy.ops.shock_filter.mark_creases(output="CURVES"),
+    ):
+        box.hide_set(False)
+        select(box)
+        assert press() == {"FINISHED"}
+    assert len(scene.collection.objects) == 3
+
+
+def test_instances_are_said_to_be_no_faces(rounded_box):
+    box = rounded_box(cuts=3)
+    group = bpy.data.node_groups.new("Instances", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("G", in_out=direction, socket_type="NodeSocketGeometry")
+    first, last = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    instances = group.nodes.new("GeometryNodeGeometryToInstance")
+    group.links.new(first.outputs[0], instances.inputs[0])
+    group.links.new(instances.outputs[0], last.inputs[0])
+    box.modifiers.new("Instances", "NODES").node_group = group
+    for press in (sharpen, bpy.ops.shock_filter.crisp_low_poly):
+        with pytest.raises(RuntimeError, match="its modifiers leave no faces"):
+            press()
+
+
 def test_a_preview_without_modifiers_shows_the_mesh(rounded_box):
     box = rounded_box()
     bpy.context.scene.shock_filter.geometry.output = "OBJECT"

@@ -135,6 +135,30 @@ def test_a_scale_of_zero_is_named(rounded_box):
     np.testing.assert_array_equal(read_positions(box.data), before)
 
 
+def test_a_transform_without_numbers_is_named_and_others_go_on(rounded_box, select, capfd):
+    broken, whole = rounded_box(), rounded_box()
+    broken.scale.x = float("nan")
+    bpy.context.view_layer.update()
+    select(broken, whole)
+    before = read_positions(broken.data)
+    assert sharpen() == {"FINISHED"}
+    assert f"Skipped {broken.name}: its transform holds NaN" in capfd.readouterr().out
+    np.testing.assert_array_equal(read_positions(broken.data), before)
+    assert (read_positions(whole.data) != before).any()
+
+
+def test_creases_that_a_weak_mask_holds_are_neither_closed_nor_nothing(rounded_box):
+    box = rounded_box()
+    group = box.vertex_groups.new(name="Weak")
+    group.add(range(len(box.data.vertices)), 1e-6, "REPLACE")
+    assert sharpen(vertex_group="Weak") == {"FINISHED"}
+    said = operators.summaries["geometry"]
+    assert said.startswith("Sharpened 1 mesh: ")
+    assert "none moved" in said
+    assert "Closed creases" not in said
+    assert "To keep threads" not in said
+
+
 def test_loose_vertices_and_edges_stay(rounded_box):
     box = rounded_box()
     mesh = box.data

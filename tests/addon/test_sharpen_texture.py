@@ -150,11 +150,26 @@ def test_the_uv_map_that_the_material_names_is_read(sheet, between):
     ends = [named, *map(tree.nodes.new, between), image_node]
     for one, other in itertools.pairwise(ends):
         tree.links.new(one.outputs[0], other.inputs[0])
-    for name, same in (("Layout", True), ("", False), ("gone", False), ("Light map", False)):
+    for name, same in (("Layout", True), ("", True), ("gone", False), ("Light map", False)):
         named.uv_map = name
         sharpen(output="NEW", time=64.0)
         assert np.array_equal(read(image_node.image), wanted) == same
         image_node.image = sheet.image
+
+
+@pytest.mark.parametrize("rendered", ["Layout", "Light map"])
+def test_without_a_name_the_uv_map_of_renders_is_read_as_by_materials(sheet, rendered):
+    layers = sheet.obj.data.uv_layers
+    for point in layers.new(name="Light map").uv:
+        point.vector = 0.1 * point.vector
+    layers[rendered].active_render = True
+    found = set()
+    for layer in layers:
+        layers.active = layer
+        sharpen(output="NEW", assign=False, time=64.0)
+        found.add(read(bpy.data.images[-1]).tobytes())
+        bpy.data.images.remove(bpy.data.images["Wood sharpened"])
+    assert len(found) == 1
 
 
 @pytest.mark.parametrize("float_buffer", [False, True])

@@ -145,11 +145,12 @@ def show(target: BakeTarget, made: dict[str, bpy.types.Image]) -> tuple[list[str
             notes.append(text.format(name=(material or obj).name, image=names))
             continue
         for key, image in made.items():
-            _link(material, key, fields.image_node(material, image, activate=False))
+            node = fields.image_node(obj, material, image, activate=False)
+            _link(material, key, node, fields.uv_map_to_name(obj.data))
     return lost, notes
 
 
-def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:
+def _link(material: bpy.types.Material, key: str, node: bpy.types.Node, uv_map: str) -> None:
     nodes, links = material.node_tree.nodes, material.node_tree.links
     shader = next((each for each in nodes if each.type == "BSDF_PRINCIPLED"), None)
     if shader is None:
@@ -160,6 +161,7 @@ def _link(material: bpy.types.Material, key: str, node: bpy.types.Node) -> None:
     if key == "normals" and not normal.is_linked and not node.outputs["Color"].is_linked:
         between = nodes.new("ShaderNodeNormalMap")
         between.location = node.location[0] + 300.0, node.location[1]
+        between.uv_map = uv_map  # along which the tangents run
         links.new(node.outputs["Color"], between.inputs["Color"])
         links.new(between.outputs["Normal"], normal)
 

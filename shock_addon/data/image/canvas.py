@@ -8,9 +8,14 @@ from typing import Any
 
 import bpy
 
+from .textures import uv_layer
+
 
 def paint_on(
-    context: bpy.types.Context, image: bpy.types.Image, undo: ExitStack | None = None
+    context: bpy.types.Context,
+    image: bpy.types.Image,
+    texture: bpy.types.Image,
+    undo: ExitStack | None = None,
 ) -> None:
     """Let brushes paint on an image, on the model, and show the materials.
 
@@ -18,6 +23,9 @@ def paint_on(
     ----------
     context : bpy.types.Context
     image : bpy.types.Image
+    texture : bpy.types.Image
+        The image beside which it lies. The UV map by which the materials show that becomes the
+        active one, by which brushes paint.
     undo : ExitStack, optional
         Takes what sets all back.
     """
@@ -25,6 +33,10 @@ def paint_on(
     paint = context.tool_settings.image_paint
     keep(undo, paint, "canvas", "mode")
     paint.mode, paint.canvas = "IMAGE", image
+    layer, layers = uv_layer(context.object, texture), context.object.data.uv_layers
+    if layer is not None and layer != layers.active:
+        keep(undo, layers, "active_index")
+        layers.active = layer
     mode = context.object.mode
     if mode != "TEXTURE_PAINT":
         undo.callback(lambda: bpy.ops.object.mode_set(mode=mode))

@@ -180,14 +180,14 @@ def add_nodes(uids: dict[int, str], image: bpy.types.Image, *, activate: bool = 
         material = obj.active_material
         if material is None and not mesh_refusal(obj.data):
             material = give_material(obj)
-            _link_to_color(material, image_node(material, image, activate))
+            _link_to_color(material, image_node(obj, material, image, activate))
             text = pgettext_rpt("{name} had no material, and got one that shows {image}.")
             notes.append(text.format(name=obj.name, image=image.name))
         elif material is None or material.library is not None or material.node_tree is None:
             text = pgettext_rpt("{name} cannot take a node; name {image} in one by hand.")
             notes.append(text.format(name=(material or obj).name, image=image.name))
         else:
-            waits |= not is_linked(image_node(material, image, activate))
+            waits |= not is_linked(image_node(obj, material, image, activate))
     if waits and not activate:
         text = pgettext_rpt("{name} is in the material, not linked yet: press Link.")
         notes.append(text.format(name=image.name))
@@ -207,9 +207,12 @@ def give_material(obj: bpy.types.Object) -> bpy.types.Material:
 
 
 def image_node(
-    material: bpy.types.Material, image: bpy.types.Image, activate: bool
+    obj: bpy.types.Object, material: bpy.types.Material, image: bpy.types.Image, activate: bool
 ) -> bpy.types.Node:
-    """Return the node of an image in a material, a new one if there is none."""
+    """Return the node of an image in a material of an object, a new one if there is none.
+
+    A new one shows the image by the active UV map, by which it was made.
+    """
     nodes = material.node_tree.nodes
     before = nodes.active
     others = any(each.image not in {None, image} for each in image_nodes(material))
@@ -219,8 +222,18 @@ def image_node(
         node.image = image
         low = min((each.location[1] for each in nodes), default=0.0)
         node.location = min((each.location[0] for each in nodes), default=0.0), low - 300.0
+        if name := uv_map_to_name(obj.data):
+            uv = nodes.new("ShaderNodeUVMap")
+            uv.uv_map, uv.location = name, (node.location[0] - 200.0, node.location[1])
+            material.node_tree.links.new(uv.outputs["UV"], node.inputs["Vector"])
     nodes.active = node if activate or not others else before
     return node
+
+
+def uv_map_to_name(mesh: bpy.types.Mesh) -> str:
+    """Name the active UV map if nodes that name none take another one, that of renders."""
+    active = mesh.uv_layers.active
+    return "" if active is None or active.active_render else active.name
 
 
 def _link_to_color(material: bpy.types.Material, node: bpy.types.Node) -> None:

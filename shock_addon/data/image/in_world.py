@@ -16,7 +16,7 @@ from ..skipped import Skipped
 def others(context: bpy.types.Context, left: list[bpy.types.Object]) -> list[WorldMesh]:
     """Read all objects that are seen and rendered but those that are left out.
 
-    What cannot be read is in another mode, or has no faces: it casts no shadow.
+    What cannot be read is in another mode, has no faces, or is at NaN: it casts no shadow.
     """
     shown = [obj for obj in context.visible_objects if obj.type == "MESH" and not obj.hide_render]
     return read_each([obj for obj in shown if obj not in left])[0]
@@ -52,6 +52,7 @@ def _read(obj: bpy.types.Object) -> WorldMesh:
             raise Skipped("it has no faces; add some, or select another object")
         triangles = meshes.read_triangles(mesh).astype(np.int64)
         positions = meshes.read_positions(mesh).astype(np.float64)
+        meshes.check_finite(positions)
         colors = _colors(mesh)
     if np.linalg.det(matrix[:3, :3]) < 0:
         triangles = triangles[:, ::-1]

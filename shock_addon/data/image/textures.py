@@ -244,7 +244,7 @@ def _read_faces(
     """Read the faces whose material shows the image, or all."""
     meshes.check_readable(obj)
     mesh = obj.data
-    layer = _uv_layer(obj, image)
+    layer = uv_layer(obj, image)
     if layer is None:
         raise Skipped("it has no UV map; unwrap it in Edit Mode (UV > Unwrap)")
     corners = meshes.read_triangle_corners(mesh)
@@ -255,10 +255,12 @@ def _read_faces(
             "no face of it has a material that shows {image}; assign one", image=image.name
         )
     uv = arrays.read(layer.uv, "vector", 2)
+    _check_finite(uv[corners])
     matrix = meshes.matrix_in_world(obj)
     if np.linalg.det(matrix[:3, :3]) < 0:  # mirrored: else its faces would be inside out
         corners = corners[:, ::-1]
     positions = meshes.read_positions(mesh).astype(np.float64)
+    meshes.check_finite(positions)
     vertices = meshes.read_corner_vertices(mesh)
     return TexturedFaces(
         positions @ matrix[:3, :3].T + matrix[:3, 3],
@@ -270,15 +272,32 @@ def _read_faces(
     )
 
 
-def _uv_layer(
+def _check_finite(uv: npt.NDArray) -> None:
+    # As in the core, which does not know the objects that are joined for it.
+    is_finite = np.isfinite(uv).all(axis=(1, 2))
+    if not is_finite.all():
+        text = pgettext_rpt(
+            "Texture coordinates are NaN or infinite at {bad} of {count} faces, the first is face"
+            " {first}; unwrap them again."
+        )
+        bad, first = np.count_nonzero(~is_finite), int(np.argmin(is_finite))
+        raise Skipped(as_reason(text.format(bad=bad, count=len(uv), first=first)))
+
+
+def uv_layer(
     obj: bpy.types.Object, image: bpy.types.Image | None
 ) -> bpy.types.MeshUVLoopLayer | None:
-    """Return the UV map by which the materials of an object show an image, else the active one."""
+    """Return the UV map by which the materials of an object show an image, else the active one.
+
+    Where no *UV Map* node names one, materials take that which is active for rendering.
+    """
     layers = obj.data.uv_layers
     slots = [slot.material for slot in obj.material_slots] if image is not None else []
     nodes = [node for material in filter(None, slots) for node in image_nodes(material)]
     shown = [node for node in nodes if node.image == image]
     sources = {coordinates_of(node, ("REROUTE", "MAPPING")) for node in shown}
+    rendered = next((("UV", each.name) for each in layers if each.active_render), None)
+    sources = {rendered if source == ("UV", "") else source for source in sources}
     return next((each for each in layers if sources == {("UV", each.name)}), layers.active)
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ....core.host.inputs import MirroredSurface
 from .. import arrays
 from ..arrays import check_same
-from . import meshes
+from . import meshes, visible
 from .masks import color_mask
 from .targets import MeshTarget, find
 
@@ -144,8 +144,7 @@ def add_curves(
         spline.use_cyclic_u = line.is_loop
     new = bpy.data.objects.new(name, curves)
     new.matrix_world = obj.matrix_world
-    for collection in obj.users_collection or [bpy.context.collection]:
-        collection.objects.link(new)
+    visible.link(new, obj)
     return new
 
 

@@ -11,12 +11,12 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
-from bpy.app.translations import pgettext_iface
+from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ....core.host.inputs import Surface
 from .. import arrays
 from ..chosen import CONVERTIBLE, mesh_objects, mesh_refusal
-from ..skipped import Refused, Skipped, sentences, skip_if
+from ..skipped import Refused, Skipped, as_reason, sentences, skip_if
 from .targets import MeshTarget
 
 _SINGULAR = 1e-6
@@ -87,6 +87,7 @@ def read_targets(
     *,
     is_seen: Callable[[bpy.types.Object], bool] = lambda obj: False,
     source_of: Callable[[bpy.types.Object], bpy.types.Object | None] = lambda obj: None,
+    writes: bool = True,
 ) -> tuple[list[MeshTarget], list[str]]:
     """Read all objects that the operator acts on, each mesh once.
 
@@ -103,6 +104,8 @@ def read_targets(
         keys applied, and not its mesh; see `visible`.
     source_of : callable
         ``source_of(obj)`` gives the object of which that is read instead, if there is one.
+    writes : bool
+        Whether the meshes will be changed, so that linked ones are left alone.
 
     Returns
     -------
@@ -119,7 +122,8 @@ def read_targets(
     def read_target(obj: bpy.types.Object, mode: str) -> MeshTarget:
         if obj in seen:
             return read_visible(obj, mode)
-        skip_if(mesh_refusal(obj.data))
+        if writes:
+            skip_if(mesh_refusal(obj.data))
         check_readable(obj)
         return target_of(obj, *read(obj, mode, parameters))
 
@@ -127,7 +131,13 @@ def read_targets(
         from .visible import shown
 
         check_in_object_mode(obj)
-        with shown(source_of(obj) or obj) as found:
+        source = source_of(obj) or obj
+        with shown(source) as found:
+            if source.data.polygons and not found.data.polygons:
+                raise Skipped(
+                    "its modifiers leave no faces, as instances are not real; add a Realize"
+                    " Instances node, or hide the modifier"
+                )
             check_readable(found)
             return replace(target_of(obj, *read(found, mode, parameters)), is_seen=True)
 
@@ -178,12 +188,12 @@ def read_each(
 
 
 def read_active(
-    context: bpy.types.Context, read: Callable[..., tuple], parameters: Any
+    context: bpy.types.Context, read: Callable[..., tuple], parameters: Any, *, writes: bool = True
 ) -> tuple[list[MeshTarget], list[str]]:
     """Read the active object alone, whatever else is selected; see `read_targets`."""
     only = [context.object]
     with context.temp_override(selected_objects=only, objects_in_mode=only):
-        return read_targets(bpy.context, read, parameters)
+        return read_targets(bpy.context, read, parameters, writes=writes)
 
 
 def _no_meshes(context: bpy.types.Context) -> list[tuple[str, str]]:
@@ -255,7 +265,7 @@ def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     Raises
     ------
     Skipped
-        If the scale is zero along an axis.
+        If the scale is zero along an axis, or anything is no number.
     """
     # Rotation and uniform scale change nothing, so they are left out: no rounding.
     matrix = matrix_in_world(obj)[:3, :3]
@@ -277,9 +287,14 @@ def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     Raises
     ------
     Skipped
-        If the scale is zero along an axis.
+        If the scale is zero along an axis, or anything is no number.
     """
     matrix = np.array(obj.matrix_world, dtype=np.float64)
+    if not np.isfinite(matrix).all():
+        raise Skipped(
+            "its transform holds NaN or infinity; set location, rotation and scale anew, and look"
+            " at its drivers and constraints"
+        )
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
     if not stretches[-1] > _SINGULAR * stretches[0]:
         raise Skipped("its scale is zero along an axis; set a scale that is not zero")
@@ -291,6 +306,17 @@ def check_readable(obj: bpy.types.Object) -> None:
     check_in_object_mode(obj)
     if not obj.data.polygons:
         raise Skipped("it has no faces; add some, or select another object")
+
+
+def check_finite(positions: npt.NDArray) -> None:
+    """Raise `Skipped` if a vertex is at NaN or infinity.
+
+    The core says so, too, but does not know the objects that are joined for it.
+    """
+    is_finite = np.isfinite(positions).all(axis=1)
+    if not is_finite.all():
+        text = "Vertex {number} has no valid position (NaN or infinity); delete or move it."
+        raise Skipped(as_reason(pgettext_rpt(text).format(number=int(np.argmin(is_finite)))))
 
 
 def check_in_object_mode(obj: bpy.types.Object) -> None:

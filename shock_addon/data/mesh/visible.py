@@ -248,11 +248,22 @@ def _remove(new: bpy.types.Object) -> None:
 
 def place(new: bpy.types.Object, old: bpy.types.Object) -> None:
     """Add an object that is seen, selected and rendered where the old one was."""
-    places = [each for each in old.users_collection if each.library is None]
-    for collection in places or [bpy.context.collection]:
-        collection.objects.link(new)
+    link(new, old)
     bpy.context.view_layer.update()  # it lists new objects then
     show(new, old)
+
+
+def link(new: bpy.types.Object, old: bpy.types.Object) -> None:
+    """Add an object to the collections of another one, but for linked and overridden ones."""
+    scene = bpy.context.scene.collection
+    found = [each for each in old.users_collection if _takes_objects(each)]
+    found = found or [each for each in (bpy.context.collection, scene) if _takes_objects(each)][:1]
+    for collection in found:
+        collection.objects.link(new)
+
+
+def _takes_objects(collection: bpy.types.Collection) -> bool:
+    return collection.library is None and collection.override_library is None
 
 
 def show(obj: bpy.types.Object, other: bpy.types.Object) -> None:
