@@ -50,7 +50,7 @@ def low_poly_of(
 
 
 def _tell_lost(vertices: npt.NDArray, faces: npt.NDArray, low: LowPoly) -> None:
-    # Long edges, as on the sides of a clean cylinder, make a wide tolerance.
+    # A tolerance in mean edge lengths is wide beside what is small.
     before, after = _volume(vertices, faces), _volume(low.vertices, low.faces)
     if before > 0 and _is_closed(faces) and after < (1.0 - _MOST_LOST) * before:
         tell(
