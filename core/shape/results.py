@@ -42,6 +42,13 @@ _TOUCHING = 0.1
 _BESIDE = 1.5
 """The square of how far beside a vertex the other side may lie."""
 
+_DRIFT = 0.02
+"""Of what vertices around go along their normals in the mean, in edges: less is no drift."""
+
+_NARROWED = 0.04, 0.12
+"""Share of the way between two sides that drifting would take away, from which it is taken back in
+part, and fully: creases that close do not move what lies between them."""
+
 
 def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[Floats, Floats]:
     """Take a displacement back where faces have hardly come nearer to their normals.
@@ -110,24 +117,79 @@ def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:
     return len(np.unique(part[inside]))
 
 
+def without_drift(
+    mesh: TriangleMesh, moved: Floats, fixed: npt.NDArray[np.bool_] | None = None
+) -> Floats:
+    """Take back how far the sides of thin walls, or of narrow gaps, have moved towards each other.
+
+    A refit knows normals alone: they let sheets whose borders turn sink into each other, or into
+    what lies between. What vertices go in the mean around is no crease that closes.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Before.
+    moved : (n, 3) float64
+        The displacement, in the unit of `mesh.vertices`.
+    fixed : (n,) bool, optional
+        Vertices that stay.
+    """
+    normals = average_to_vertices(mesh, mesh.normals)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    along = np.einsum("vx,vx->v", moved, normals) / mesh.mean_edge_length
+    drift = smooth_vertices(mesh, along.reshape(-1, 1), _AROUND)[:, 0]
+    places = np.flatnonzero(np.abs(drift) > _DRIFT)
+    if len(places) == 0:
+        return moved
+    toward = normals[places] * np.sign(drift[places])[:, None]
+    between = _other_sides(mesh, normals, places, toward, _FAR)
+    share = np.zeros(mesh.vertex_count)
+    share[places] = ramp(2.0 * np.abs(drift[places]) / between, _NARROWED) * (between < _FAR)
+    share = smooth_vertices(mesh, share.reshape(-1, 1), 2)[:, 0]
+    if fixed is not None:
+        share[fixed] = 0.0
+    return moved - (share * drift * mesh.mean_edge_length)[:, None] * normals
+
+
 def _thickness(mesh: TriangleMesh, places: npt.NDArray[np.intp]) -> Floats:
     # Distance to what faces the other way and lies behind or before a vertex, in edges; at most
     # _FAR.
-    normals = average_to_vertices(mesh, mesh.normals)
+    return _other_sides(mesh, average_to_vertices(mesh, mesh.normals), places, None, _FAR)
+
+
+def _other_sides(
+    mesh: TriangleMesh, normals: Floats, places: npt.NDArray[np.intp], toward: Floats | None,
+    far: float,
+) -> Floats:  # fmt: skip
+    # Distances along the normals to what faces the other way, in edges; towards one side, if given.
     points = mesh.scaled_vertices
-    _, nearest = nearest_point(point_tree(points[places]), points, _FAR)
-    near = np.flatnonzero(nearest >= 0)
-    start, around = points_within(point_tree(points[near]), points[places], _FAR)
-    found = np.full(len(places), _FAR)
-    for i, v in enumerate(places):
-        o, n = near[around[start[i] : start[i + 1]]], normals[v]
-        n = n / max(float(np.linalg.norm(n)), 1e-12)
-        way = points[o[normals[o] @ n < -0.5]] - points[v]
-        along = abs(way @ n)
-        behind = along[(way**2).sum(axis=1) - along**2 < _BESIDE]
-        if len(behind):
-            found[i] = behind.min()
+    _, nearest = nearest_point(point_tree(points[places]), points, far)
+    near = np.flatnonzero(nearest >= 0).astype(np.int32)
+    start, around = points_within(point_tree(points[near]), points[places], far)
+    found = np.empty(len(places))
+    ways = np.zeros((0, 3)) if toward is None else toward
+    run(_find_other_sides, len(places), places, points, normals, near, start, around, ways, far,
+        found)  # fmt: skip
     return found
+
+
+@kernel
+def _find_other_sides(start, stop, places, points, normals, near, begin, around, ways, far, found):
+    for i in range(start, stop):
+        v, least = places[i], far
+        n = normals[v]
+        length = max(np.sqrt(dot(n, n)), 1e-12)
+        for k in range(begin[i], begin[i + 1]):
+            o = near[around[k]]
+            if dot(normals[o], n) >= -0.5 * length:
+                continue
+            way = edge(points, v, o)
+            along = dot(way, n) / length
+            if len(ways) > 0 and dot(way, ways[i]) <= 0:
+                continue
+            if dot(way, way) - along * along < _BESIDE:
+                least = min(least, abs(along))
+        found[i] = least
 
 
 @kernel

@@ -21,7 +21,7 @@ from .advected import advected_normals, signal_and_potential
 from .creases import find_targets, tell_creases
 from .fit import LEAST_WEIGHT, moved_vertices, refitted
 from .folds import mended, undone
-from .results import tell_lost, without_worse
+from .results import tell_lost, without_drift, without_worse
 from .sides import consistent_normals, turned_zone
 
 
@@ -243,7 +243,8 @@ def _displace(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | 
     lost: list[Floats] = []
 
     def mend(current: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
-        moved, gone = without_worse(current, targets, mended(current, targets, moved, fixed))
+        moved = mended(current, targets, without_drift(current, moved, fixed), fixed)
+        moved, gone = without_worse(current, targets, moved)
         lost.append(gone)
         return undone(current, targets, moved) if gone.any() else moved
 

@@ -30,8 +30,11 @@ SHORT = {
     "_dot",
     "_next_direction",
     "_go",
+    "_find_nearest",
+    "_list_near",
 }
-"""Kernels of sums, whose chunks have a size of their own: as large as the largest of others."""
+"""Kernels of sums and of searches, whose chunks have a size of their own: not above the largest of
+others."""
 
 
 @pytest.fixture

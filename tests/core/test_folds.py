@@ -4,12 +4,13 @@
 import crease_examples
 import numpy as np
 import pytest
+from parts import remeshed
 from remeshed import turned_box
 from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.shape.folds import FoldChecks, mended, undone
-from shock_filter.core.shape.results import tell_lost, without_worse
+from shock_filter.core.shape.results import tell_lost, without_drift, without_worse
 
 
 def folded(mesh, moved, degrees=150.0):
@@ -163,3 +164,46 @@ def test_little_more_of_a_move_mends_little_more(box, seed):
     ends = np.array([mended(box, box.normals, size * moved, None) for size in sizes])
     steps = np.linalg.norm(np.diff(ends, axis=0), axis=2).max(axis=1) / box.mean_edge_length
     assert steps.max() < 0.1
+
+
+STEP = 3.0 / 47
+
+
+def volume(mesh, places):
+    a, b, c = np.moveaxis(places[mesh.faces], 1, 0)
+    return abs((a * np.cross(b, c)).sum() / 6)
+
+
+def plate(p):
+    return (abs(p) - [0.9, 0.7, 0.65 * STEP]).max(axis=1)
+
+
+def shell(p):
+    return np.maximum(abs(np.linalg.norm(p, axis=1) - 0.95) - 0.65 * STEP, p[:, 2] - 0.4)
+
+
+def strut(p):
+    return np.maximum(np.hypot(p[:, 0], p[:, 1]) - STEP, abs(p[:, 2]) - 1.1)
+
+
+@pytest.mark.parametrize("solid", [plate, shell, strut])
+def test_thin_walls_and_struts_keep_their_volume(solid):
+    mesh = remeshed(solid, 48)
+    sharp = core.sharpen_geometry(mesh)
+    assert volume(mesh, sharp) > 0.88 * volume(mesh, mesh.vertices)
+
+
+def test_narrow_gaps_stay_open():
+    gap = lambda p: -plate(p)  # noqa: E731
+    mesh = remeshed(lambda p: np.maximum((abs(p) - [1.2, 1.0, 0.4]).max(axis=1), gap(p)), 48)
+    inside = (abs(mesh.vertices @ np.eye(3)) < [1.0, 0.8, 2 * STEP]).all(axis=1)
+    chosen = inside[mesh.faces].all(axis=1)
+    assert chosen.sum() > 500
+    hollow = core.TriangleMesh(mesh.vertices, mesh.faces[chosen])
+    sharp = core.sharpen_geometry(mesh)
+    assert volume(hollow, sharp) > 0.88 * volume(hollow, mesh.vertices)
+
+
+def test_closing_creases_are_no_drift(box):
+    moved = core.sharpen_geometry(box) - box.vertices
+    assert np.array_equal(without_drift(box, moved), moved)
