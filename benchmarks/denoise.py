@@ -18,6 +18,7 @@ from denoise_meshes import meshes, noise
 from denoise_models import models
 from denoise_pictures import draw_scans, joint, painted, pictures
 from denoise_published import published
+from denoise_relief import relief
 from denoise_speed import speed
 from denoise_textures import textures
 from scans import scans
@@ -37,6 +38,7 @@ SECTIONS = {
     "scans": scans,
     "published": published,
     "models": models,
+    "relief": relief,
     "bumps": bumps,
     "pictures": pictures,
     "painted": painted,

@@ -41,7 +41,7 @@ def rms(a):
 
 
 @pytest.mark.parametrize(("wanted", "sigma", "least"), [
-    (drawing(1), 1.0, 4.0), (drawing(2), 2.0, 4.0), (texture(3), 1.0, 0.25), (texture(4), 2.0, 0.5),
+    (drawing(1), 1.0, 4.0), (drawing(2), 2.0, 4.0), (texture(3), 1.0, 0.2), (texture(4), 2.0, 0.5),
     (drawing(5, contrast=0.2), 1.5, 3.0),
 ], ids=["drawing", "soft drawing", "texture", "soft texture", "faint drawing"])  # fmt: skip
 def test_blurred_images_come_nearer_to_what_they_were(wanted, sigma, least):
@@ -61,6 +61,16 @@ def test_noise_is_taken_away_and_not_sharpened():
 def test_sharp_drawings_hardly_change():
     image = as_bytes(drawing(4))
     assert fidelity(core.sharpen_image(image) / 255, image / 255) > 40
+
+
+@pytest.mark.parametrize("length", [4, 6, 10, 24])
+def test_waves_without_borders_hardly_change(length):
+    y, x = 2 * np.pi / length * np.mgrid[:160, :160]
+    slanted = 0.5 + 0.4 * np.sin(0.96 * x + 0.28 * y)
+    egg_box = 0.5 + 0.2 * np.sin(x) + 0.2 * np.sin(y)
+    for waves in (slanted, egg_box):
+        given = as_bytes(waves)
+        assert rms(core.sharpen_image(given) / 255 - given / 255) < 0.04
 
 
 @pytest.mark.parametrize("settings", [{}, {"width": 9.0}, {"sampling": "nearest"}], ids=str)
@@ -330,7 +340,7 @@ def test_strong_grain_stays_beside_borders_that_become_sharp():
     given = given.clip(0, 1)
     found = core.sharpen_image(given)
     np.testing.assert_allclose(found[:, 130:], given[:, 130:], atol=0.02)
-    assert rms(found[:, :60] - given[:, :60]) > 0.8 * rms(
+    assert rms(found[:, :60] - given[:, :60]) > 0.4 * rms(
         core.sharpen_image(image)[:, :60] - image[:, :60]
     )
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from image_examples import SIZE, as_bytes, labels, plain, truth
+from image_patterns import patterned
 from PIL import Image
 from scipy import ndimage
 
@@ -162,6 +163,10 @@ def plainly(random, image):
     return Copy(given, square=s**2)
 
 
+PATTERNED = 90000
+"""From this seed on, pictures are of patterns without borders, one of the copies as it is."""
+
+
 def narrowly(random, image):
     """Blur less than that, or not at all."""
     if random.random() < 0.25:
@@ -203,7 +208,7 @@ def spotted(random, image, sigmas=(1.5, 8.0)):
     return as_bytes(values)
 
 
-TOLD, PARTLY = 0.2, 0.35
+TOLD, PARTLY = 0.25, 0.3
 """Share of the copies whose blur is told; and of those, which are to lose a part of it alone."""
 
 
@@ -216,7 +221,7 @@ def told(random, image, copy, most):
         left = np.sqrt(copy.square - square)
         soft = ndimage.gaussian_filter(image.astype(float), (left, left, 0), mode="mirror")
         return square, as_bytes(soft)
-    return min(copy.square * random.uniform(0.8, 1.25), most), image
+    return min(copy.square * random.uniform(0.93, 1.07), most), image
 
 
 def example(seed, count=3):
@@ -230,6 +235,9 @@ def example(seed, count=3):
     elif seed < PLAINLY:
         image = softened(random, again(SOFTLY))
         return image, [Copy(image, True), *(spoiled(random, image) for _ in range(count - 1))]
+    elif seed >= PATTERNED:
+        image = patterned(random)
+        return image, [Copy(image, True), narrowly(random, image), spoiled(random, image)]
     else:
         image, ways = plain(random), [plainly, narrowly, spoiled]
     share = random.random()

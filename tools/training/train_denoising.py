@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from denoise_examples import cage, divided, drawn, example, figure, rough
+from denoise_examples import cage, displaced, divided, drawn, example, figure, rough
 from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.base import parallel
@@ -35,13 +35,15 @@ MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py
            "solids.py", "train_denoising.py")  # fmt: skip
 """The scripts that the networks come from."""
 
-VERSION = 3
+VERSION = 4
 """Counts the trainings that were shipped."""
 
-MAKERS = {"solid": example, "white": partial(example, kind="white"), "figure": figure,
-          "drawn": drawn, "cage": cage, "divided": divided, "rough": rough}  # fmt: skip
-COUNTS = {"solid": 1500, "white": 200, "figure": 350, "drawn": 160, "cage": 400, "divided": 250,
-          "rough": 150}  # fmt: skip
+MAKERS = {"solid": example, "white": partial(example, kind="white"),
+          "field": partial(example, kind="field"), "range": partial(example, kind="range"),
+          "figure": figure, "displaced": displaced, "drawn": drawn, "cage": cage,
+          "divided": divided, "rough": rough}  # fmt: skip
+COUNTS = {"solid": 1500, "white": 200, "field": 150, "range": 200, "figure": 350, "displaced": 350,
+          "drawn": 160, "cage": 400, "divided": 250, "rough": 150}  # fmt: skip
 """How many seeds of each."""
 
 LATE = "cage", "divided", "rough"
@@ -65,7 +67,7 @@ USUAL = 1.5
 """Degrees: a mesh counts the less the farther its best smoothing is from the truth."""
 
 UNTOUCHED = {"modelled": 2.0, "decimated": 2.0, "subdivided": 2.0, "uneven": 2.0, "figure": 2.0,
-             "drawn": 2.0, "divided": 2.0}  # fmt: skip
+             "displaced": 2.0, "drawn": 2.0, "divided": 2.0}  # fmt: skip
 """How much more those count that have few faces, or are sculptures, and have no noise."""
 
 IN_DOUBT = 3.0

@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from image_spoiling import PLAINLY, SOFTLY, WIDELY, example, told
+from image_spoiling import PATTERNED, PLAINLY, SOFTLY, WIDELY, example, told
 from scripts import meaning_of
 from shock_filter.core.base import parallel
 from shock_filter.core.color.learned.first import First
@@ -41,13 +41,14 @@ from shock_filter.core.mixture.network import Network, save
 
 HERE = Path(__file__).resolve().parent
 
-MADE_OF = "adam.py", "image_examples.py", "image_spoiling.py", "train_images.py"
+MADE_OF = ("adam.py", "image_examples.py", "image_patterns.py", "image_spoiling.py",
+           "train_images.py")  # fmt: skip
 """The scripts that the networks come from."""
 
-VERSION = 3
+VERSION = 4
 """Counts the trainings that were shipped."""
 
-COUNTS = {10000: 2800, WIDELY: 260, SOFTLY: 150, PLAINLY: 480}
+COUNTS = {10000: 2800, WIDELY: 260, SOFTLY: 150, PLAINLY: 480, PATTERNED: 180}
 """How many seeds, from these on."""
 
 PIXELS = 700
