@@ -226,7 +226,8 @@ def _help(default: Any, setting: Setting) -> str:
     parts += [f"{word}: {meaning}." for word, meaning in setting.choices.items()]
     facts = [f"default {default if setting.choices else format(default, 'g')}"]
     if not setting.choices:
-        facts.append(f"{setting.minimum:g} to {setting.maximum:g}")
+        form = ".0f" if isinstance(default, int) else "g"
+        facts.append(f"{setting.minimum:{form}} to {setting.maximum:{form}}")
     if setting.unit:
         facts.append(setting.unit)
     return " ".join([*parts, f"({', '.join(facts)})"])

@@ -172,7 +172,9 @@ def test_help_says_description_unit_range_and_default(capsys, command):
             assert meaning in text
         if not about.choices:
             assert about.unit in text
-            assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
+            form = ".0f" if isinstance(default, int) else "g"
+            ends = f"{about.minimum:{form}} to {about.maximum:{form}}"
+            assert f"(default {default:g}, {ends}{',' if about.unit else ')'}" in text
     makes = command.kind.is_drawn or command.kind.makes_frames
     unmasked = command.command in ("dilate-texture", "enlarge-texture") or makes
     assert ("--mask" in text) != unmasked

@@ -49,7 +49,7 @@ def test_a_patch_with_shorter_edges_shows_what_the_whole_gets(passes):
     wanted = filter_shape(whole, NAME, settings, True).positions
     seen = patch.whole(filter_shape(patch.surface, NAME, patch.settings(settings), True)).positions
     change = np.abs(wanted - whole.positions)[:size].mean()
-    assert np.abs(seen - wanted)[:size].mean() < 0.2 * change
+    assert np.abs(seen - wanted)[:size].mean() < 0.4 * change
     assert np.array_equal(seen[size:], whole.positions[size:])
 
 
