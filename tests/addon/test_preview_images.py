@@ -119,7 +119,7 @@ def test_what_is_drawn_is_what_the_operator_makes(begun, mode, size):
     left, bottom, right, top = np.round(np.array(piece.box) * (120, 96, 120, 96)).astype(int)
     made = decoded(image_data.read_pixels(photo)[bottom:top, left:right, :3])
     # A patch sees less around it than the learned recipe of images looks at.
-    close = 0.04 if mode == "image" and size is not None else 1e-6
+    close = 0.1 if mode == "image" and size is not None else 1e-6
     np.testing.assert_allclose(piece.colors[..., :3], made, atol=close)
     assert np.abs(made - decoded(soft()[bottom:top, left:right, :3])).max() > 0.02
 
