@@ -45,6 +45,9 @@ _BESIDE = 1.5
 _DRIFT = 0.02
 """Of what vertices around go along their normals in the mean, in edges: less is no drift."""
 
+_APART = 3.0, 4.0
+"""Mean edge lengths between two sides from which drifting matters less, and not at all."""
+
 _NARROWED = 0.04, 0.12
 """Share of the way between two sides that drifting would take away, from which it is taken back in
 part, and fully: creases that close do not move what lies between them."""
@@ -142,9 +145,10 @@ def without_drift(
     if len(places) == 0:
         return moved
     toward = normals[places] * np.sign(drift[places])[:, None]
-    between = _other_sides(mesh, normals, places, toward, _FAR)
+    between = _other_sides(mesh, normals, places, toward, _APART[1])
+    narrowed = 2.0 * np.abs(drift[places]) / np.maximum(between, 1e-12)
     share = np.zeros(mesh.vertex_count)
-    share[places] = ramp(2.0 * np.abs(drift[places]) / between, _NARROWED) * (between < _FAR)
+    share[places] = ramp(narrowed, _NARROWED) * (1.0 - ramp(between, _APART))
     share = smooth_vertices(mesh, share.reshape(-1, 1), 2)[:, 0]
     if fixed is not None:
         share[fixed] = 0.0
