@@ -136,6 +136,11 @@ def without_drift(
         The displacement, in the unit of `mesh.vertices`.
     fixed : (n,) bool, optional
         Vertices that stay.
+
+    Returns
+    -------
+    (n, 3) float64
+        The displacement; `moved` itself where nothing drifts.
     """
     normals = average_to_vertices(mesh, mesh.normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)

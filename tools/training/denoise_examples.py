@@ -57,7 +57,6 @@ CAGES, UNTOUCHED_CAGES = {"modelled": 0.3, "decimated": 0.35, "subdivided": 0.35
 FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
 """Shares among sculptures; see `crease_examples`."""
 
-
 DISPLACED = {"clean": 0.6, "white": 0.25, "wide": 0.15}
 """Shares among even meshes with relief: without noise, with white noise, and with wide noise."""
 
@@ -243,7 +242,7 @@ def _added(shape, relief):
 
 
 def _waves(rng, h, shortest=5):
-    # All over a surface, 5 to 40 edges long and up to 6 edges high.
+    # All over a surface, up to 40 edges long and 6 edges high.
     length = np.exp(rng.uniform(np.log(shortest), np.log(40)))
     steep = np.exp(rng.uniform(np.log(0.12), 0))
     high = h * np.clip(steep * length / (2 * np.pi), 0.2, 3.0)
