@@ -181,9 +181,9 @@ def shown_image(context: bpy.types.Context) -> bpy.types.Image:
     """Return the image to work on.
 
     It is the one in the Image Editor, or the one painted on in Texture Paint Mode; where that is
-    the mask of a live texture, the texture itself. Else it is that of the active image texture node
-    in the active object's material. If another node is active, it is the image of the base color,
-    or the only image.
+    the mask of a live texture, the texture itself. Else, or where that is a mask or a gain map of
+    the panel, it is that of the active image texture node in the active object's material. If
+    another node is active, it is the image of the base color, or the only image.
 
     Raises
     ------
@@ -198,13 +198,24 @@ def shown_image(context: bpy.types.Context) -> bpy.types.Image:
     if context.mode == "PAINT_TEXTURE" and paint.mode == "IMAGE":
         if paint.canvas is None:
             raise Skipped("nothing is painted on; choose an image in the Texture Slots")
-        return masked_image(context.object, paint.canvas) or paint.canvas
+        image = masked_image(context.object, paint.canvas) or paint.canvas
+        if not _says_where(context, image):
+            return image
     material = mesh_objects(context)[0].active_material
     if material is None:
         raise Skipped("it has no material; add one with an Image Texture node, or name an image")
-    if context.mode == "PAINT_TEXTURE" and material.texture_paint_images:
+    is_slot = context.mode == "PAINT_TEXTURE" and paint.mode == "MATERIAL"
+    if is_slot and material.texture_paint_images:
         return material.texture_paint_images[material.paint_active_slot]
     return active_image(material)
+
+
+def _says_where(context: bpy.types.Context, image: bpy.types.Image) -> bool:
+    """Whether settings in the panel name an image as a mask or a gain map."""
+    kept = context.scene.shock_filter
+    groups = [getattr(kept, each.identifier) for each in kept.bl_rna.properties]
+    names = ("mask_image", "gain_map")
+    return any(getattr(group, name, "") == image.name for group in groups for name in names)
 
 
 def chosen_image(context: bpy.types.Context, name: str) -> bpy.types.Image:

@@ -559,6 +559,21 @@ def test_texture_paint_mode_takes_what_is_painted_on(sheet):
     assert bpy.context.mode == "PAINT_TEXTURE"
 
 
+@pytest.mark.parametrize(
+    ("mode", "name"), [("texture", "mask_image"), ("detail", "mask_image"), ("detail", "gain_map")]
+)
+def test_a_mask_that_is_painted_on_is_not_taken_for_the_texture(sheet, mode, name):
+    canvas = add_image("Canvas")
+    setattr(getattr(bpy.context.scene.shock_filter, mode), name, "Canvas")
+    bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+    paint = bpy.context.tool_settings.image_paint
+    paint.mode, paint.canvas = "IMAGE", canvas
+    assert chosen.shown_image(bpy.context) == sheet.image
+    assert sharpen(time=64.0) == {"FINISHED"}
+    assert "Wood sharpened" in bpy.data.images
+    assert paint.canvas == canvas
+
+
 @pytest.mark.parametrize("mode", ["MATERIAL", "IMAGE"])
 def test_texture_paint_mode_paints_on_the_new_image_from_then_on(sheet, mode):
     bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
