@@ -64,6 +64,8 @@ class MeshOperator(FilterOperator):
         def write_one(target: Any, result: Any) -> bpy.types.Object:
             obj = data.mesh.targets.find(target)
             is_live = self._is_live(obj)
+            if is_live and self._has_other_live(obj):
+                self._other_live.append(obj.name)
             if is_live or target.is_seen:
                 new = (self._write_live if is_live else write_new)(target, result)
                 if new != obj:
@@ -79,6 +81,7 @@ class MeshOperator(FilterOperator):
             return obj
 
         self._replaced_live: list[str] = []
+        self._other_live: list[str] = []
         with data.mesh.meshes.object_mode(context):
             meshes = data.replaced.of_meshes([each for each in self.targets if not each.is_seen])
             swaps: list[data.replaced.Swap] = [*meshes]
@@ -105,6 +108,13 @@ class MeshOperator(FilterOperator):
 
     def _is_live(self, obj: bpy.types.Object) -> bool:
         return obstacles.makes_live(self.row, self, obj)
+
+    def _has_other_live(self, obj: bpy.types.Object) -> bool:
+        """Whether another filter made the live result whose place this one takes."""
+        kinds = [data.LIVE_STAMP] * self.kind.moves + [data.LIVE_COLORS] * self.kind.paints
+        live = [each for each in kinds if data.chosen.is_live(obj, each)]
+        made = [data.live.recipes.noted(obj.data, each) for each in live]
+        return any(recipe is not None and recipe[0] != self.row.operator for recipe in made)
 
     def _check_colors(self, obj: bpy.types.Object) -> None:
         source = data.chosen.live_source(obj)
@@ -194,12 +204,18 @@ class MeshOperator(FilterOperator):
         kinds = [data.LIVE_STAMP] * self.kind.moves + [data.LIVE_COLORS] * self.kind.paints
         if any(data.chosen.is_live(each.data, key) for each in written for key in kinds):
             text = pgettext_rpt("The modifier Shock Filter sets how much of it is seen, and where.")
-            said = f"{text} {said}"
+            said = f"{text} {said}".rstrip()
         if self._replaced_live:
             text = pgettext_rpt(
                 "The live result of {names} was removed, as it would come on top of this."
             )
             said = f"{said} {text.format(names=listed(self._replaced_live))}"
+        if self._other_live:
+            text = pgettext_rpt(
+                "The live result of {names} was replaced, which another filter had made. To keep"
+                " both, undo, apply its modifier, and run again."
+            )
+            said = f"{said} {text.format(names=listed(self._other_live))}"
         return said.strip()
 
 

@@ -128,6 +128,19 @@ def test_other_outputs_take_the_live_result_away(rounded_box):
     assert live.state(box) == ""
 
 
+def test_the_report_says_that_the_live_result_of_another_filter_is_replaced(rounded_box):
+    box = rounded_box()
+    text = f"The live result of {box.name} was replaced, which another filter had made."
+    sharpen(output="LIVE")
+    sharpen(output="AUTO")
+    assert text not in operators.summaries["geometry"]
+    bpy.ops.shock_filter.denoise(output="AUTO")
+    assert text in operators.summaries["denoise"]
+    assert "  " not in operators.summaries["denoise"]
+    bpy.ops.shock_filter.update_live()
+    assert text not in operators.summaries["denoise"]
+
+
 def test_masks_are_fields(rounded_box):
     box = rounded_box()
     before = read_positions(box.data)
