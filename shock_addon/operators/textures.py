@@ -82,13 +82,16 @@ class TextureOperator(OneImageOperator):
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
         """Show it in the materials, with Assign; beside the old one with Live.
 
-        With Replace nothing is mixed with it any more, nor with Assign if nothing has changed.
+        With Replace nothing is mixed with it any more, nor with Assign; but if nothing has changed,
+        what another filter has mixed with it stays.
         """
         if self.output == "LIVE":
             with data.mesh.meshes.object_mode(bpy.context):
                 mask, is_inverted = self._live_mask(target.objects, source)
                 data.image.mixing.show(target.objects, source, image, mask, is_inverted)
         elif self.output == "REPLACE" or self.assign:
+            if self.output != "REPLACE" and image == source and self._is_mixed_by_other(target):
+                return
             if data.image.mixing.remove(target.objects, source):
                 text = pgettext_rpt("The live mix of {name} in the materials was removed.")
                 self._notes.append(text.format(name=source.name))
@@ -97,6 +100,12 @@ class TextureOperator(OneImageOperator):
             # Texture Paint Mode looks for the materials' images when it is entered.
             with data.mesh.meshes.object_mode(bpy.context):
                 self._notes += data.image.textures.assign(target.objects, source, image)
+
+    def _is_mixed_by_other(self, target: Any) -> bool:
+        """Whether another filter made a live result of the texture."""
+        found = data.mixes.mixed(target.objects, data.image.images.find_image(target))
+        made = [data.live.recipes.noted(mix, data.LIVE_TEXTURE) for _, mix in found]
+        return any(recipe is not None and recipe[0] != self.row.operator for recipe in made)
 
     def _live_mask(
         self, objects: list[str], source: bpy.types.Image

@@ -51,6 +51,15 @@ def test_another_output_takes_the_nodes_away(wood, capfd):
     np.testing.assert_allclose(baked(), images.read_pixels(result)[..., :3], rtol=0, atol=1e-6)
 
 
+def test_a_filter_that_changes_nothing_leaves_the_mix_of_another(wood):
+    sharpen(output="LIVE")
+    shown = baked()
+    bpy.ops.shock_filter.fill_texture(output="NEW", image=wood.name)
+    assert summaries["fill"].startswith("Nothing in Wood has changed, so no copy was made")
+    assert "live mix" not in summaries["fill"]
+    np.testing.assert_array_equal(baked(), shown)
+
+
 @pytest.mark.parametrize("inverted", [False, True])
 def test_a_mask_image_can_be_painted_afterwards(wood, inverted):
     before = baked()
