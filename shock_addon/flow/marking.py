@@ -271,7 +271,7 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
             return write_results(self.targets, results, partial(self._add, context))
 
     def _add(self, context: bpy.types.Context, target: Any, low: Any) -> bpy.types.Object:
-        made = data.mesh.low_poly.add_low_poly(target, low, context)
+        made = data.mesh.low_poly.add_low_poly(target, low, context, self.angle)
         data.live.copies.release(made[0].data)
         self._made += made
         return made[0]

@@ -189,6 +189,33 @@ def test_a_low_poly_that_cuts_off_what_is_round_says_so(tolerance, is_told, capf
     assert ("of the volume" in capfd.readouterr().out) == is_told
 
 
+@pytest.mark.parametrize("smooth", ["none", "all", "half"])
+def test_a_low_poly_is_as_smooth_as_its_original_with_sharp_creases(smooth):
+    bpy.ops.mesh.primitive_cylinder_add(vertices=64)
+    cylinder = bpy.context.object
+    remesh = cylinder.modifiers.new("Remesh", "REMESH")
+    remesh.voxel_size = 0.1
+    bpy.ops.object.modifier_apply(modifier=remesh.name)
+    for face in cylinder.data.polygons:
+        face.use_smooth = smooth == "all" or (smooth == "half" and face.center.z > 0.9)
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    low = bpy.context.object.data
+    flat = [face for face in low.polygons if not face.use_smooth]
+    if smooth == "none":
+        assert len(flat) == len(low.polygons)
+        return
+    assert bool(flat) == (smooth == "half")
+    assert all(face.use_smooth for face in low.polygons if face.center.z > 0.99)
+    sides, caps = (
+        {key for face in low.polygons if (abs(face.normal.z) > 0.5) == is_cap
+         for key in face.edge_keys}
+        for is_cap in (False, True)
+    )  # fmt: skip
+    sharp = {edge.key for edge in low.edges if edge.use_edge_sharp}
+    assert sides & caps <= sharp
+    assert len(sharp - caps) < 0.05 * len(sides)
+
+
 def test_objects_that_share_a_mesh_share_its_low_poly(rounded_box):
     box = rounded_box(cuts=19)
     box.data.materials.append(bpy.data.materials.new("Gray"))

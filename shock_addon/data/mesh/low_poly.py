@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ....core.host.inputs import CutSurface
 from .. import arrays
 from ..chosen import mesh_objects, mesh_refusal
-from . import creases, meshes, visible
+from . import creases, meshes, shading, visible
 from .targets import MeshTarget, find
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def read_cut(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[None, C
     mesh = obj.data
     corners = meshes.read_triangle_corners(mesh)
     triangles = meshes.read_corner_vertices(mesh)[corners]
-    data = [_materials(mesh)[:, None, None] + np.zeros((1, 3, 1))]
+    data = [_of_triangles(mesh, _materials(mesh))[:, None, None] + np.zeros((1, 3, 1))]
     data += [arrays.read(layer.uv, "vector", 2)[corners] for layer in mesh.uv_layers]
     return None, CutSurface(
         positions=meshes.read_positions(mesh),
@@ -41,12 +41,13 @@ def is_seen(obj: bpy.types.Object) -> bool:
 
 
 def add_low_poly(
-    target: MeshTarget, low: LowPoly, context: bpy.types.Context
+    target: MeshTarget, low: LowPoly, context: bpy.types.Context, angle: float
 ) -> list[bpy.types.Object]:
     """Add an object with the new mesh for each chosen one of the old mesh, which are hidden.
 
-    Materials and UVs are those of what was read; other attributes, shape keys and modifiers are
-    left out. The object of the target comes first.
+    Materials, UVs and whether faces are smooth are those of what was read; edges that are steeper
+    than the angle, in radians, are marked as sharp if any is smooth. Other attributes, shape keys
+    and modifiers are left out. The object of the target comes first.
 
     Raises
     ------
@@ -57,21 +58,21 @@ def add_low_poly(
         obj = find(target)
         with visible.shown(obj) as found:
             arrays.check_same(meshes.read_positions(found.data), target.surface.positions)
-            mesh = _build(f"{obj.name} low poly", found.data, low)
+            mesh = _build(f"{obj.name} low poly", found.data, low, angle)
         return [_put_in_place(obj, mesh)]
     obj = creases.find_same(target)
-    mesh = _build(f"{obj.name} low poly", obj.data, low)
+    mesh = _build(f"{obj.name} low poly", obj.data, low, angle)
     users = [each for each in mesh_objects(context) if each.data == obj.data and not is_seen(each)]
     return [_put_in_place(each, mesh) for each in (obj, *(user for user in users if user != obj))]
 
 
-def _build(name: str, old: bpy.types.Mesh, low: LowPoly) -> bpy.types.Mesh:
+def _build(name: str, old: bpy.types.Mesh, low: LowPoly, angle: float) -> bpy.types.Mesh:
     old_corners = meshes.read_triangle_corners(old)
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(low.vertices.tolist(), [], low.faces.tolist())
     for material in old.materials:
         mesh.materials.append(None if material is None else material.original)
-    numbers = _materials(old)[low.face_source].astype(np.int32)
+    numbers = _of_triangles(old, _materials(old))[low.face_source]
     arrays.write(mesh.polygons, "material_index", numbers, np.int32)
     corners = old_corners.reshape(-1)[low.corner_source.reshape(-1)]
     for layer in old.uv_layers:
@@ -79,7 +80,12 @@ def _build(name: str, old: bpy.types.Mesh, low: LowPoly) -> bpy.types.Mesh:
         arrays.write(new.uv, "vector", arrays.read(layer.uv, "vector", 2)[corners])
         new.active_render = layer.active_render
     mesh.uv_layers.active_index = old.uv_layers.active_index
+    flat = _of_triangles(old, shading.flat_faces(old))[low.face_source]
+    arrays.write(mesh.polygons, "use_smooth", ~flat, bool)
     mesh.update()
+    if not flat.all():
+        shading.mark(mesh, shading.steep_edges(mesh, meshes.read_positions(mesh), None, angle))
+        mesh.update()
     return mesh
 
 
@@ -92,8 +98,11 @@ def _put_in_place(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> bpy.types.Obje
 
 
 def _materials(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
-    # The number of each triangle's material.
-    of_faces = arrays.read(mesh.polygons, "material_index", dtype=np.int32)
+    # The number of each face's material.
+    return arrays.read(mesh.polygons, "material_index", dtype=np.int32)
+
+
+def _of_triangles(mesh: bpy.types.Mesh, of_faces: npt.NDArray[Any]) -> npt.NDArray[Any]:
     if len(mesh.loop_triangles) == len(mesh.polygons):
         return of_faces
     return of_faces[arrays.read(mesh.loop_triangles, "polygon_index", dtype=np.int32)]

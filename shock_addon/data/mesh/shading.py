@@ -44,7 +44,7 @@ def edges_to_mark(
     """
     free = None if mask is None else mask > 0.0
     if result.creases is None:
-        return _steep_edges(mesh, result.positions, free, angle)
+        return steep_edges(mesh, result.positions, free, angle)
     ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
     sharp = result.creases.among(ends)
     return sharp if free is None else sharp & free[ends].all(axis=1)
@@ -71,12 +71,16 @@ def set_marks(mesh: bpy.types.Mesh, sharp: npt.NDArray[np.bool_], is_kept: bool)
         mesh.attributes.remove(mesh.attributes[MARKS])
 
 
-def _steep_edges(
+def steep_edges(
     mesh: bpy.types.Mesh,
     positions: npt.NDArray[np.float32],
     free: npt.NDArray[np.bool_] | None,
     angle: float,
 ) -> npt.NDArray[np.bool_]:
+    """Tell which edges have faces that meet at more than an angle, in radians: (e,).
+
+    Those with an end that is not free, (n,) bool, are left out.
+    """
     none = np.zeros(len(mesh.edges), dtype=bool)
     if free is not None and not free.any():
         return none
@@ -98,8 +102,13 @@ def _steep_edges(
 
 def is_flat(mesh: bpy.types.Mesh) -> bool:
     """Whether all faces are shaded flat."""
+    return bool(flat_faces(mesh).all())
+
+
+def flat_faces(mesh: bpy.types.Mesh) -> npt.NDArray[np.bool_]:
+    """Tell which faces are shaded flat: (f,)."""
     flat = arrays.find_attribute(mesh, "sharp_face", "BOOLEAN", "FACE")
-    return flat is not None and bool(arrays.read_attribute(flat).all())
+    return np.zeros(len(mesh.polygons), bool) if flat is None else arrays.read_attribute(flat)
 
 
 def count_marks(mesh: bpy.types.Mesh) -> int:
