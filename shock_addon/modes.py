@@ -79,6 +79,8 @@ class Target(Row):
         say themselves.
     advice : str
         What helps where nothing has changed, if it is not the mode's.
+    mends_seams : bool
+        Whether texels beside the charts count as a change on their own: they show at seams.
     """
 
     filter: str
@@ -91,6 +93,7 @@ class Target(Row):
     dials: tuple[str, str] | None = None
     first: tuple[str, ...] | None = None
     advice: str = ""
+    mends_seams: bool = False
 
     def is_advanced(self, name: str) -> bool:
         """Whether a property of its settings is shown under Advanced."""
@@ -622,7 +625,7 @@ MODES: list[Mode] = [
         "stitch_textures",
         "Take away the steps between the charts of a texture, or make one texture without steps of"
         " several pictures",
-        (Target("stitch_textures", kind="stitch", dials=("radius", "")),),
+        (Target("stitch_textures", kind="stitch", dials=("radius", ""), mends_seams=True),),
         "Stitched",
         "stitch",
         announced="Will stitch: {}",
@@ -683,6 +686,7 @@ MODES: list[Mode] = [
         (
             Target(
                 "repair_texture",
+                mends_seams=True,
                 first=("enlarge", "sharpen", "denoise", "blocks", "fill", "stitch"),
             ),
         ),

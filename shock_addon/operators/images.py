@@ -135,8 +135,12 @@ class OneImageOperator(FilterOperator):
         new = {number: part.colors for number, part in parts.items()}
         suffix = self.row.done.lower()
         is_changed = any(part.changed for part in parts.values())
-        if self.output != "REPLACE" and data.image.images.differ(source, target.parts, new):
-            is_changed = self._is_any_new = True  # what lies beside the charts is not counted
+        is_changed |= data.image.images.sizes_of(target.parts) != data.image.images.sizes_of(new)
+        if self.output != "REPLACE" and self.row.targets[0].mends_seams:
+            # What lies beside the charts is not counted.
+            is_new = data.image.images.differ(source, target.parts, new)
+            self._is_any_new |= is_new
+            is_changed |= is_new
         is_kept = self.output == "REPLACE" or not (
             self.output == "LIVE" or data.image.images.is_reusable(source, used, new)
         )

@@ -60,6 +60,20 @@ def test_a_filter_that_changes_nothing_leaves_the_mix_of_another(wood):
     np.testing.assert_array_equal(baked(), shown)
 
 
+def test_a_filter_that_would_fill_the_gutter_alone_leaves_the_mix_of_another(wood):
+    pixels = images.read_pixels(wood)
+    pixels[...] = (0.2, 0.4, 0.6, 1.0)
+    pixels[:, : SIZE // 2, :3] = 0.0
+    wood.pixels.foreach_set(pixels.ravel())
+    for point in bpy.context.object.data.uv_layers[0].uv:
+        point.vector.x = 0.6 + 0.4 * point.vector.x
+    sharpen(output="LIVE")
+    count = len(bpy.data.images)
+    bpy.ops.shock_filter.denoise_texture(output="NEW", image=wood.name, gutter=8)
+    assert summaries["denoise_texture"].startswith("Nothing in Wood has changed, so no copy")
+    assert len(bpy.data.images) == count and live_mix(node_of(wood)) is not None
+
+
 @pytest.mark.parametrize("inverted", [False, True])
 def test_a_mask_image_can_be_painted_afterwards(wood, inverted):
     before = baked()
