@@ -6,6 +6,9 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_rpt
 
+_SMALLEST = {"METRIC": (1e-6, "µm"), "IMPERIAL": (2.54e-5, "thou")}
+"""The smallest unit of each system; Blender writes what is shorter in meters or feet, as 0."""
+
 
 def in_scene(length: float) -> str:
     """Write a length in the units of the scene, such as "4.5 cm"."""
@@ -13,6 +16,9 @@ def in_scene(length: float) -> str:
     if units.system == "NONE":
         return f"{length:.3g}"
     long = float(f"{length * units.scale_length:.3g}")
+    unit, name = _SMALLEST[units.system]
+    if 0.0 < abs(long) < unit:
+        return f"{long / unit:.3g} {name}"
     return bpy.utils.units.to_string(units.system, "LENGTH", long, precision=5)
 
 
