@@ -81,6 +81,11 @@ def _keep_changes(*_: object) -> None:
 
 
 @persistent
+def _reset_unknown_choices(*_: object) -> None:
+    properties.reset_unknown_choices()
+
+
+@persistent
 def _read_changes(*_: object) -> None:
     data.live.watching.read()
     automatic.forbid()
@@ -96,6 +101,7 @@ def _handlers() -> list[tuple]:
         *((each, painting.put_away) for each in (handlers.load_post, handlers.undo_post)),
         (handlers.redo_post, painting.put_away),
         (handlers.load_pre, _forget_file),
+        (handlers.load_post, _reset_unknown_choices),
         (handlers.depsgraph_update_post, _note_changes),
         (handlers.save_pre, _keep_changes),
         (handlers.load_post, _read_changes),

@@ -731,3 +731,14 @@ def unregister() -> None:
     for cls in reversed(_classes):
         bpy.utils.unregister_class(cls)
     _classes.clear()
+
+
+def reset_unknown_choices() -> None:
+    """Set choices back that only a newer version knows, in all scenes: their values are empty."""
+    for scene in bpy.data.scenes:
+        kept = scene.shock_filter
+        for group in (kept, *(getattr(kept, mode.key) for mode in choices())):
+            for rna in group.bl_rna.properties:
+                is_choice = rna.type == "ENUM" and not rna.is_enum_flag and not rna.is_skip_save
+                if is_choice and not getattr(group, rna.identifier):
+                    group.property_unset(rna.identifier)
