@@ -235,6 +235,21 @@ def test_objects_that_share_a_mesh_share_its_low_poly(rounded_box):
     assert "Cube low poly, Cube.001 low poly: " in base.summaries["geometry"]
 
 
+def test_a_low_poly_takes_the_place_of_its_original_in_other_scenes_and_layers(rounded_box):
+    box = rounded_box()
+    other = bpy.data.scenes.new("Other")
+    other.collection.objects.link(box)
+    layers = [*other.view_layers, bpy.context.scene.view_layers.new("Hidden"),
+              bpy.context.view_layer]  # fmt: skip
+    for each in layers:
+        each.update()
+    box.hide_set(True, view_layer=layers[1])
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    low = bpy.context.object
+    assert [box.hide_get(view_layer=each) for each in layers] == [True, True, True]
+    assert [low.hide_get(view_layer=each) for each in layers] == [False, True, False]
+
+
 def doubled_by_a_modifier(box):
     array = box.modifiers.new("Array", "ARRAY")
     array.use_relative_offset, array.use_constant_offset = False, True

@@ -282,3 +282,13 @@ def show(obj: bpy.types.Object, other: bpy.types.Object) -> None:
         other.select_set(False)
         other.hide_set(True)
     other.hide_render = True
+    for each in (each for scene in obj.users_scene for each in scene.view_layers):
+        if each != layer and other.name in each.objects:
+            if other.hide_get(view_layer=each):
+                each.update()  # it lists new objects then
+                if obj.name in each.objects:
+                    obj.hide_set(True, view_layer=each)
+            else:
+                other.hide_set(True, view_layer=each)
+                if obj.name in each.objects:
+                    obj.hide_set(False, view_layer=each)
