@@ -41,7 +41,7 @@ def rms(a):
 
 
 @pytest.mark.parametrize(("wanted", "sigma", "least"), [
-    (drawing(1), 1.0, 4.0), (drawing(2), 2.0, 4.0), (texture(3), 1.0, 0.2), (texture(4), 2.0, 0.5),
+    (drawing(1), 1.0, 4.0), (drawing(2), 2.0, 4.0), (texture(3), 1.0, 0.25), (texture(4), 2.0, 0.5),
     (drawing(5, contrast=0.2), 1.5, 3.0),
 ], ids=["drawing", "soft drawing", "texture", "soft texture", "faint drawing"])  # fmt: skip
 def test_blurred_images_come_nearer_to_what_they_were(wanted, sigma, least):
@@ -70,7 +70,7 @@ def test_waves_without_borders_hardly_change(length):
     egg_box = 0.5 + 0.2 * np.sin(x) + 0.2 * np.sin(y)
     for waves in (slanted, egg_box):
         given = as_bytes(waves)
-        assert rms(core.sharpen_image(given) / 255 - given / 255) < 0.04
+        assert rms(core.sharpen_image(given) / 255 - given / 255) < 0.015
 
 
 @pytest.mark.parametrize("settings", [{}, {"width": 9.0}, {"sampling": "nearest"}], ids=str)

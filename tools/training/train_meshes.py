@@ -32,17 +32,21 @@ from shock_filter.core.color.vertex_planes import VertexPlanes, Vertices
 from shock_filter.core.color.vertices_learned import DEFINITION as DEFINITION_OF_VERTICES
 from shock_filter.core.color.vertices_learned import WEIGHTS, detail_at
 from shock_filter.core.mixture.network import Network, save
-from train_images import ANYWHERE, KEPT_ASIDE, PIXELS, PictureLoss, gains, gathered, joined
+from train_images import ANYWHERE, KEPT_ASIDE, PictureLoss, gains, gathered, joined
 
 HERE = Path(__file__).resolve().parent
 
-MADE_OF = "adam.py", "image_examples.py", "mesh_pictures.py", "train_images.py", "train_meshes.py"
+MADE_OF = ("adam.py", "image_examples.py", "mesh_pictures.py", "train_images.py",
+           "train_meshes.py")  # fmt: skip
 """The scripts that the networks come from, beside the networks of images."""
 
 VERSION = 1
 """Counts the trainings that were shipped."""
 
 FIRST_SEED, COUNT = 50000, 800
+
+CHOSEN = 700
+"""Vertices of each mesh that are learned from."""
 
 EPOCHS, RATE = 10, 1e-3
 
@@ -111,7 +115,7 @@ def rows_of(stage, truth: np.ndarray, random: np.random.Generator) -> dict[str, 
     share = np.full(count, 1 / count)
     if energy.sum() > 0:
         share = ANYWHERE * share + (1 - ANYWHERE) * energy / energy.sum()
-    rows = random.choice(count, PIXELS, p=share / share.sum())
+    rows = random.choice(count, CHOSEN, p=share / share.sum())
     return {
         "told": told[:, rows].T, "differences": differences[:, :, rows].transpose(2, 0, 1),
         "missing": missing[:, rows].T, "low": low[:, rows].T, "high": high[:, rows].T,
