@@ -325,7 +325,7 @@ def _allowed(mesh: TriangleMesh, tolerance: float) -> tuple[Floats, Floats]:
     shortest, remeshed = np.ones(mesh.vertex_count), np.ones(mesh.vertex_count)
     for each in ends:
         np.minimum.at(shortest, each, lengths)
-    np.minimum.at(remeshed, mesh.faces, possible_noise(mesh)[:, None])
+    np.minimum.at(remeshed, mesh.faces, possible_noise(mesh, remeshed=True)[:, None])
     away = tolerance * shortest ** (1.0 - remeshed)
     return away, away * (1.0 + (_CUT - 1.0) * remeshed)
 

@@ -36,17 +36,29 @@ EQUAL, MANY = 0.03, (300, 1000)
 """Areas of tiles differ by less; and how many there are from which they count, and fully: fewer are
 a model's own."""
 
+FINENESS, MOST_ALIKE = 1e-3, 64
+"""Lengths that differ by less, in mean edge lengths, count as equal; and of how many faces with
+equal edges a face may be one, to be taken for a mirrored one: voxels have many."""
+
+MIRRORED, MODELLED = (0.7, 0.9), (20_000, 100_000)
+"""Shares of faces with mirror images, within two rings, from which there is less noise, and none;
+and the number of faces up to which this has a say, and from which it has none: scans that were
+mirrored have more."""
+
 FEW = 32, 128
 """Faces of a connected component up to which there can be no noise, and from which there can."""
 
 
-def possible_noise(mesh: TriangleMesh) -> Floats:
+def possible_noise(mesh: TriangleMesh, remeshed: bool = False) -> Floats:
     """Tell where faces can have noise: (m,), from 0 for none to 1.
 
     Not in the papers. Noise leaves hardly any two faces in one plane. So there is none where most
     faces have a neighbor in their plane and edges are of many lengths. Voxels and the terraces of
     depth cameras also lie in planes, but among tiles: faces with two neighbors in their plane that
     are as large. And components of some dozens of faces are too small for telling noise from shape.
+
+    Nor is there noise where faces have mirror images in the mesh, as in models that people build in
+    halves; this does not count in meshes that are `remeshed`, where it comes by chance.
     """
     told = np.empty((mesh.face_count, 4))
     run(_find_planes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas,
@@ -56,11 +68,43 @@ def possible_noise(mesh: TriangleMesh) -> Floats:
     in_planes, _, mean, square = near.T
     uneven = np.sqrt(np.maximum(square - mean * mean, 0.0))
     designed = between(in_planes, DESIGNED) * between(uneven, UNEVEN)
+    if not remeshed:
+        symmetric = _spread(mesh, _spread(mesh, mirrored_faces(mesh)))[:, 0]
+        designed = np.maximum(designed, between(symmetric, MIRRORED))
     designed *= 1.0 - between(tiled, TILED) * between(told[:, 1].sum(), MANY)
     a, b, c = mesh.faces.T
     _, part = connected_components(mesh.vertex_count, np.append(a, b), np.append(b, c))
     faces = np.bincount(part[a], minlength=1)[part[a]]
     return (1.0 - designed) * between(np.log(faces), (log(FEW[0]), log(FEW[1])))
+
+
+def mirrored_faces(mesh: TriangleMesh) -> Floats:
+    """Tell which faces have a mirror image elsewhere: (m, 1), 0 or 1; less in large meshes.
+
+    In a mesh with a plane of symmetry, as many faces have the edges of a face in the same order as
+    have them in the opposite one. Squares of a grid with heights in steps also have faces alike,
+    but hardly ever as many of both.
+    """
+    m = mesh.face_count
+    weight = 1.0 - between(log(max(m, 1)), (log(MODELLED[0]), log(MODELLED[1])))
+    if weight == 0.0:
+        return np.zeros((m, 1))
+    corners = mesh.scaled_vertices[mesh.faces]
+    lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    first = lengths.argmax(axis=1)
+    turned = np.take_along_axis(lengths, (first[:, None] + np.arange(3)) % 3, axis=1)
+    found = np.zeros(m, dtype=bool)
+    for shift in (0.0, 0.5):  # what lies astride two steps of one lies within one of the other
+        steps = np.minimum(turned / FINENESS + shift, 2.0**20).astype(np.int64)
+        own = (steps[:, 0] << 42) + (steps[:, 1] << 21) + steps[:, 2]
+        other = (steps[:, 0] << 42) + (steps[:, 2] << 21) + steps[:, 1]
+        keys, counts = np.unique(own, return_counts=True)
+        counts = np.append(counts, 0)
+        alike = counts[np.searchsorted(keys, own)]
+        at = np.searchsorted(keys, other)
+        at[np.append(keys, -1)[at] != other] = len(keys)
+        found |= (own != other) & (alike <= MOST_ALIKE) & (counts[at] == alike)
+    return weight * found[:, None].astype(np.float64)
 
 
 def _spread(mesh: TriangleMesh, values: Floats) -> Floats:

@@ -264,7 +264,7 @@ def test_what_design_programs_export_stays():
 def test_noise_is_impossible_only_in_planes_of_uneven_faces_and_parts_of_few_faces():
     for clean in (gear(20, 0.05), grid(3, 3), cube(1)):
         assert (possible_noise(core.TriangleMesh(*clean)) == 0).all()
-    for open_to_noise in (cube(8), grid(20, 20), icosphere(3), terraces(30, 3)):
+    for open_to_noise in (cube(8), grid(20, 20), terraces(30, 3), terraces(30, 0.1)):
         assert (possible_noise(core.TriangleMesh(*open_to_noise)) == 1).all()
     vertices, faces = gear(40, 0.05)
     assert (possible_noise(noisy(vertices, faces, 0.02)) > 0.99).mean() > 0.95
@@ -313,6 +313,27 @@ def test_high_relief_on_an_even_sheet_stays(wave):
         high = vertices + 0.08 * wave * relief[:, None] * [0, 0, 1]
         mesh = core.TriangleMesh(high, faces)
         assert error(denoised(mesh), mesh) < 1.5
+
+
+def lump(side=1.0):
+    """A low lump of uneven faces on one side of x = 0."""
+    vertices, faces = icosphere(3)
+    vertices = vertices + 0.15 * np.sin(5 * vertices @ rotation(2) + 1) + [1.5, 0, 0]
+    return (vertices, faces) if side > 0 else (vertices * [-1, 1, 1], faces[:, ::-1])
+
+
+def test_what_was_modelled_in_halves_has_no_noise_but_two_of_a_kind_may():
+    (right, faces), (left, turned) = lump(), lump(-1)
+    both = lambda left, turned: (  # noqa: E731
+        np.concatenate([right, left]), np.concatenate([faces, turned + len(right)])
+    )  # fmt: skip
+    halves = core.TriangleMesh(*both(left, turned))
+    assert (possible_noise(halves) == 0).all()
+    assert (possible_noise(halves, remeshed=True) == 1).all()
+    assert np.array_equal(core.denoise_geometry(halves), halves.vertices)
+    copies = core.TriangleMesh(*both(right + [4, 0, 0], faces))
+    assert (possible_noise(copies) == 1).all()
+    assert (possible_noise(noisy(*both(left, turned), 0.01)) == 1).all()
 
 
 # ------------------------------------------------------------------------------------- the dials
