@@ -13,8 +13,10 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import common
 import numpy as np
 import scipy.ndimage
+from relief_meshes import RELIEF, SHAPES, with_relief
 from report import Page, table
 from shock_filter import core
 
@@ -47,6 +49,9 @@ TURN = turn(np.random.default_rng(77))
 """Askew to the grid."""
 
 MESHINGS = "nets", "cubes", "blurred", "noisy", "coarse"
+
+WAVES, STEEP = (3, 4, 6, 10), (0.05, 0.15)
+"""Mean edges from bump to bump of relief, and its height, in these."""
 
 
 def cells_of(meshing: str) -> int:
@@ -282,6 +287,21 @@ def kept(folder: Path) -> Iterator[list[str]]:
         yield [path.stem, f"{mesh.vertex_count:,}", f"{off.mean():.2f}", f"{(off > 10).mean():.1%}"]
 
 
+def reliefs() -> Iterator[list[str]]:
+    """How far clean relief on even meshes turns, in the mean and at most."""
+    for name in RELIEF:
+        for wave in WAVES:
+            row = [name, str(wave)]
+            for steep in STEEP:
+                turned = []
+                for shape in SHAPES:
+                    mesh = with_relief(shape, name, wave, steep)
+                    moved = mesh.moved_to(core.sharpen_geometry(mesh))
+                    turned.append(common.normal_error(moved, mesh))
+                row.append(f"{np.mean(turned):.2f}, {max(turned):.2f}")
+            yield row
+
+
 def steadiness() -> dict[str, dict[str, tuple[list[float], list[float]]]]:
     """Share left over the number of cells, the turning, and the noise: for three solids."""
     found: dict[str, dict[str, tuple[list[float], list[float]]]] = {}
@@ -332,7 +352,9 @@ def main() -> None:
     parser.add_argument("--solids", type=int, default=200, help="how many made solids")
     parser.add_argument("--meshes", type=Path, help="folder of meshes whose change is told")
     parser.add_argument("--draw", type=Path, help="folder for the curves")
-    parser.add_argument("--only", default="plinths,fillets,brackets,parts,solids,steadiness")
+    parser.add_argument(
+        "--only", default="plinths,fillets,brackets,parts,solids,reliefs,steadiness"
+    )
     options = parser.parse_args()
     tables: dict[str, tuple[list[str], Callable[[], Iterator[list[str]]]]] = {
         "plinths": (["box under a bumpy ball", "box, before", "after", "ball, before", "after",
@@ -343,6 +365,9 @@ def main() -> None:
         "parts": (["part", *MESHINGS, "share left", "folds"], parts),
         "solids": (["made solids", "count", "before", "after", "share left", "worst",
                     "more than 3 % worse", "folds"], lambda: solids(options.solids)),
+        "reliefs": (["relief", "edges from bump to bump",
+                     *(f"height {steep:g} of these: turned by, most" for steep in STEEP)],
+                    reliefs),
     }  # fmt: skip
     page = Page(options.write)
     for name in options.only.split(","):

@@ -82,7 +82,8 @@ class Holes:
         self.known[:nodes] = (inside & ~missing).reshape(-1)
         if not self.known.any():
             raise InvalidSignal(
-                "Nothing is known of any texel; leave some out of the mask, or give another one."
+                "Nothing is known of any texel of the surface, so that nothing can be filled; make"
+                " some of them opaque, or leave some out of the mask."
             )
         components = space.components
         sourced = np.zeros(int(components.max(initial=0)) + 1, dtype=np.bool_)

@@ -112,7 +112,7 @@ def test_digests_are_of_the_scripts_that_are_named_and_no_others():
     here = train_denoising.HERE
     for module in (train_creases, train_denoising, train_images):
         assert all((here / name).exists() for name in module.MADE_OF)
-    assert "denoise_examples.py" not in train_creases.MADE_OF
+    assert "image_examples.py" not in train_creases.MADE_OF
     assert train_creases.made_of() != train_denoising.made_of()
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes and the normals that they should have, made from seeds: what closing creases learns from.
 
-`remeshed` are solids out of voxels, whose design is wanted back. `relief`, `scanned` and
-`modelled` are surfaces that are as they should be: their own normals are wanted.
+`remeshed` are solids out of voxels, whose design is wanted back. `relief`, `scanned`, `displaced`
+and `modelled` are surfaces that are as they should be: their own normals are wanted.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import scipy.ndimage
 from distances import Floats, Solid, gradient, greatest, nearest, norm, placed, truths, turn
+from even_meshes import even, heights
 from meshings import (
     EXTENT,
     marching_cubes,
@@ -173,7 +174,7 @@ def scanned(seed) -> Example:
     v = umbrella(v, f, int(rng.integers(0, 9)), 0.5)
     if rng.random() < 0.4:
         v = v + rng.normal(size=v.shape) * edge * rng.uniform(0, 0.03)
-    return _as_it_is(core.TriangleMesh(v, f), "scanned", "scanned")
+    return as_it_is(core.TriangleMesh(v, f), "scanned", "scanned")
 
 
 def sculpted(seed) -> Example:
@@ -207,7 +208,7 @@ def sculpted(seed) -> Example:
         v = v + x / x.std() * edge * rng.uniform(0, 0.05) * normals
     if cut:
         v, f = _subdivided(v, f, crisp=True)
-    return _as_it_is(core.TriangleMesh(v, f), "sculpted", "sculpted")
+    return as_it_is(core.TriangleMesh(v, f), "sculpted", "sculpted")
 
 
 def modelled(seed) -> Example:
@@ -223,7 +224,7 @@ def modelled(seed) -> Example:
     first = np.cumsum([0, *(len(v) for v, _ in pieces)])
     vertices = np.concatenate([v for v, _ in pieces])
     faces = np.concatenate([f + k for (_, f), k in zip(pieces, first[:-1], strict=True)])
-    return _as_it_is(core.TriangleMesh(vertices, faces), "modelled", "modelled")
+    return as_it_is(core.TriangleMesh(vertices, faces), "modelled", "modelled")
 
 
 def decimated(seed) -> Example:
@@ -248,7 +249,7 @@ def decimated(seed) -> Example:
         v, f = fast_simplification.simplify(v, f, target_count=count)
     if rng.random() < 0.3:
         v = umbrella(np.asarray(v, float), f, 1, rng.uniform(0.1, 0.5))
-    return _as_it_is(core.TriangleMesh(v, f), "decimated", kind)
+    return as_it_is(core.TriangleMesh(v, f), "decimated", kind)
 
 
 def subdivided(seed) -> Example:
@@ -266,7 +267,17 @@ def subdivided(seed) -> Example:
     v, f = np.asarray(v, float), np.asarray(f)
     for _ in range(rng.integers(1, 4 if count < 300 else 3)):
         v, f = _subdivided(v, f, crisp=rng.random() < 0.1)
-    return _as_it_is(core.TriangleMesh(v, f), "subdivided", kind)
+    return as_it_is(core.TriangleMesh(v, f), "subdivided", kind)
+
+
+def displaced(seed) -> Example:
+    """Relief of few edges a wave on an even mesh, with hardly any noise or none."""
+    rng = np.random.default_rng(seed)
+    v, f, n, edge = even(rng)
+    v = v + heights(rng, v, edge, 2.2, 20, 7) * n
+    if rng.random() < 0.3:
+        v = v + rng.normal(size=v.shape) * edge * rng.uniform(0, 0.03)
+    return as_it_is(core.TriangleMesh(v, f), "displaced", "displaced")
 
 
 def softened(seed) -> Example:
@@ -294,7 +305,8 @@ def _crisp_again(v, f, shape, h):
     return mesh.vertices
 
 
-def _as_it_is(mesh, kind, how) -> Example:
+def as_it_is(mesh, kind, how) -> Example:
+    """An example whose own normals are wanted."""
     return Example(mesh, lambda rows: (mesh.normals[rows], mesh.normals[rows]), kind, how)
 
 

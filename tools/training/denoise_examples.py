@@ -31,10 +31,9 @@ from distances import (
     union,
 )
 from distances import box as box_at
+from even_meshes import even, halved, heights, wavy
 from meshings import EXTENT, marching_cubes, mean_edge, surface_nets, umbrella
-from scipy.spatial import ConvexHull
 from shock_filter import core
-from shock_filter.core.mesh.calculus import average_to_vertices
 
 KINDS = {"clean": 0.12, "crisp": 0.06, "white": 0.21, "field": 0.23, "both": 0.04, "binary": 0.05,
          "range": 0.07, "low": 0.22}  # fmt: skip
@@ -148,27 +147,15 @@ def divided(seed: int) -> Example:
         v, f = mesh.vertices, mesh.faces
     for _ in range(rng.integers(0, 4)):
         if len(f) < 1500:
-            v, f = _halved(v, f)
+            v, f = halved(v, f)
     return _low_noisy(rng, v, f, "divided", UNTOUCHED_CAGES, 0.01)
 
 
 def displaced(seed: int) -> Example:
     """Make an even mesh whose vertices relief moves along its normals, most without noise."""
     rng = np.random.default_rng(seed)
-    v, f = _even(rng)
-    edge = mean_edge(v, f)
-    mesh = core.TriangleMesh(v, f)
-    n = average_to_vertices(mesh, mesh.normals)
-    n /= norm(n)[:, None]
-    relief = _waves(rng, edge, 4)
-    if rng.random() < 0.3:
-        one, other = relief, _waves(rng, edge, 4)
-        relief = lambda p: 0.7 * (one(p) + other(p))  # noqa: E731
-    high = relief(v)
-    if rng.random() < 0.4:  # in places
-        where, off = rng.normal(size=3) * rng.uniform(1, 4), rng.uniform(0, 6.3)
-        high = high * np.clip(0.5 + 2 * np.sin(v @ where + off), 0, 1)
-    v = v + high[:, None] * n
+    v, f, n, edge = even(rng)
+    v = v + heights(rng, v, edge, 4) * n
     truth = core.TriangleMesh(v, f).normals
     kind = str(rng.choice(list(DISPLACED), p=list(DISPLACED.values())))
     if kind == "clean":
@@ -215,7 +202,7 @@ def solid(rng, cells: int, waves: bool) -> Solid:
         else:
             shape = union(shape, part) if way == 0 else minus(shape, part)
     if waves:
-        shape = _added(shape, _waves(rng, 2 * EXTENT / cells))
+        shape = _added(shape, wavy(rng, 2 * EXTENT / cells, 5))
     elif rng.random() < (0.3 if smooth else 0.7 if organic else 0.1):
         shape = _added(shape, _features(rng))
     whole, q = shape, turn(rng)
@@ -239,31 +226,6 @@ def _primitive(rng, size, smooth):
 
 def _added(shape, relief):
     return lambda p: shape(p) + relief(p)
-
-
-def _waves(rng, h, shortest=5):
-    # All over a surface, up to 40 edges long and 6 edges high.
-    length = np.exp(rng.uniform(np.log(shortest), np.log(40)))
-    steep = np.exp(rng.uniform(np.log(0.12), 0))
-    high = h * np.clip(steep * length / (2 * np.pi), 0.2, 3.0)
-    kind, off = rng.integers(0, 5), rng.uniform(0, 6.3, 8)
-    k = rng.normal(size=(8, 3))
-    k *= (2 * np.pi / (length * h) * rng.uniform(0.7, 1.3, 8) / norm(k))[:, None]
-    q, _ = np.linalg.qr(k[:3].T)
-
-    def wave(p):
-        if kind == 0:  # from all sides
-            return np.sin(p @ k.T + off).mean(1) * 4
-        if kind == 1:  # bumps in rows
-            rows = [np.sin(p @ (norm(k)[i] * q[:, i]) + off[i]) for i in (0, 1)]
-            return 2 * rows[0] * rows[1]
-        if kind == 2:  # ridges
-            return np.tanh(off[2] * 0.6 * np.sin(p @ k[0] + off[0])) * 1.4
-        if kind == 3:  # lumps with narrow grooves
-            return 2.6 - 3.5 * abs(np.sin(0.5 * p @ k[:3].T + off[:3])).max(1) ** 3
-        return sum(np.sin(g * p @ k[:4].T + off[:4]).mean(1) * 2.8 / g for g in (1, 2.3))
-
-    return lambda p: high * wave(p)
 
 
 def _features(rng):
@@ -424,70 +386,6 @@ def _ring(rng):
     quads = first(i, j), first(i + 1, j), first(i + 1, j + 1), first(i, j + 1)
     f = np.concatenate([np.stack([quads[0], *quads[1:3]], 1), np.stack([quads[0], *quads[2:]], 1)])
     return v.reshape(-1, 3) * rng.uniform(0.5, 1.5, 3) @ turn(rng), f.astype(np.int32)
-
-
-def _even(rng):
-    # A ball, a sheet, a pipe or a ring out of even faces.
-    kind = rng.integers(0, 5)
-    if kind == 0:  # of a polyhedron whose faces were divided
-        v, f = _polyhedron(rng)
-        for _ in range(rng.integers(4, 6)):
-            v, f = _halved(v, f)
-        v = v / norm(v)[:, None]
-        return v * rng.uniform(0.6, 1.4, 3), f
-    rows = int(np.exp(rng.uniform(*np.log((40, 140)))))
-    columns = int(rows * rng.uniform(0.5, 1.5))
-    closed = kind != 4
-    a = np.arange(columns) * 2 * np.pi / (columns if closed else 2 * columns)
-    t = np.linspace(0, 1, rows)
-    if kind == 1:  # a ball with poles
-        r, z = np.sin(np.pi * (t * 0.96 + 0.02)), -np.cos(np.pi * (t * 0.96 + 0.02))
-    elif kind == 2:  # a pipe
-        r, z = np.full(rows, 0.5), rng.uniform(1, 3) * t
-    else:
-        r, z = 1 + 0.4 * np.cos(2 * np.pi * t), 0.4 * np.sin(2 * np.pi * t)
-    x, y, z = r[:, None] * np.cos(a), r[:, None] * np.sin(a), np.repeat(z[:, None], columns, 1)
-    v = np.stack([x, y, z], -1)
-    if kind == 4:  # a sheet, bent or flat
-        x, y = np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows))
-        v = np.stack([x, y, rng.uniform(0, 0.4) * np.sin(2 * x + y)], -1)
-    return _quads(rng, v, closed)
-
-
-def _quads(rng, v, closed):
-    # Two triangles for each quad of a grid of vertices, by one diagonal or by turns.
-    rows, columns = v.shape[:2]
-    i, j = np.mgrid[: rows - 1, : columns - (not closed)]
-    at = lambda x, y: (x * columns + y % columns).reshape(-1)  # noqa: E731
-    a, b, c, d = at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)
-    odd = ((i + j) % 2 == 1).reshape(-1, 1) & (rng.random() < 0.3)
-    one = np.where(odd, np.stack([a, b, d], 1), np.stack([a, b, c], 1))
-    two = np.where(odd, np.stack([b, c, d], 1), np.stack([a, c, d], 1))
-    return v.reshape(-1, 3), np.ascontiguousarray(np.concatenate([one, two]), np.int32)
-
-
-def _polyhedron(rng):
-    # An octahedron or an icosahedron.
-    if rng.random() < 0.4:
-        v = np.concatenate([np.eye(3), -np.eye(3)])
-    else:
-        long = (1 + np.sqrt(5)) / 2
-        ends = np.array([(0.0, x, y * long) for x in (-1, 1) for y in (-1, 1)])
-        v = np.concatenate([np.roll(ends, k, axis=1) for k in range(3)])
-    f = ConvexHull(v).simplices
-    outward = np.linalg.det(v[f]) > 0
-    return v, np.where(outward[:, None], f, f[:, ::-1]).astype(np.int32)
-
-
-def _halved(v, f):
-    # Four faces for each, by the middles of its edges; nothing moves.
-    ends = np.sort(f[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    used, index = np.unique(ends, axis=0, return_inverse=True)
-    a, b, c = (index.reshape(-1, 3) + len(v)).T
-    v = np.concatenate([v, v[used].mean(1)])
-    corners = (f[:, 0], a, c), (a, f[:, 1], b), (c, b, f[:, 2]), (a, b, c)
-    f = np.concatenate([np.stack(each, 1) for each in corners])
-    return v, np.ascontiguousarray(f, np.int32)
 
 
 def _turned(rng):

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import crease_examples as examples
+import denoise_examples
 import numpy as np
 from shock_filter import core
 from shock_filter.core.mesh.calculus import average_to_faces, average_to_vertices, smooth_vertices
@@ -20,6 +21,15 @@ ROWS = 2400
 """Faces of each mesh: two thirds where normals differ from those around, the others anywhere."""
 
 DIFFERS = np.cos(np.radians(4.0))
+
+
+def _clean(make: Callable, seed: int) -> examples.Example:
+    # What denoising learns from and is without noise.
+    mesh, _, kind = make(seed)
+    if kind.startswith("noisy"):
+        raise ValueError("This one has noise.")
+    return examples.as_it_is(mesh, kind, kind)
+
 
 MAKERS: dict[str, Callable[[int], examples.Example]] = {
     "remeshed": examples.remeshed,
@@ -63,6 +73,10 @@ MAKERS: dict[str, Callable[[int], examples.Example]] = {
         closer=3.0,
     ),
     "subdivided": examples.subdivided,
+    "displaced": examples.displaced,
+    "cage": partial(_clean, denoise_examples.cage),
+    "drawn": partial(_clean, denoise_examples.drawn),
+    "divided": partial(_clean, denoise_examples.divided),
 }
 """What is learned from, by name."""
 
@@ -85,7 +99,7 @@ def _make(name: str, seed: int, folder: Path) -> Path | None:
         return path
     try:
         example = MAKERS[name](_seed(name, seed))
-    except (IndexError, ValueError, core.ShockError):  # nothing is left of the solid
+    except (IndexError, ValueError, core.ShockError):  # nothing is left of it, or it is noisy
         return None
     mesh = example.mesh
     if not FACES[0] <= mesh.face_count <= FACES[1] or not mesh.areas.min() > 0:

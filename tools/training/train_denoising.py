@@ -31,8 +31,8 @@ from shock_filter.core.shape.smoothings import DEFINITION, GIVEN
 
 HERE = Path(__file__).resolve().parent
 
-MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py", "meshings.py",
-           "solids.py", "train_denoising.py")  # fmt: skip
+MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py",
+           "even_meshes.py", "meshings.py", "solids.py", "train_denoising.py")  # fmt: skip
 """The scripts that the networks come from."""
 
 VERSION = 4
