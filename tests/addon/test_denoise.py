@@ -267,7 +267,7 @@ def test_modifiers_are_named_when_vertices_move():
     obj = SimpleNamespace(modifiers=[SimpleNamespace(type="MIRROR")], data={}, session_uid=1)
     operator = bpy.types.SHOCK_FILTER_OT_denoise
     quiet = {"custom_normals": "CLEAR", "mark_sharp": False, "output": "LIVE"}
-    quiet |= {"_replaced_live": []}
+    quiet |= {"_replaced_live": [], "_other_live": []}
     of_geometry, of_colors = (
         SimpleNamespace(row=operator.row, target=t, kind=DATA[t], **quiet)
         for t in ("geometry", "colors")

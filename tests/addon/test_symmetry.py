@@ -36,7 +36,7 @@ def test_a_symmetric_mesh_stays_symmetric():
     on_plane = partner == np.arange(len(partner))
     assert on_plane.sum() > 20
     head.data.use_mirror_x = True
-    sharpen(time=256.0)
+    sharpen(where="everywhere", time=256.0)
     after = read_positions(head.data)
     assert (after != before).any(axis=1).mean() > 0.5
     assert asymmetry(after, partner) == 0.0
@@ -45,7 +45,7 @@ def test_a_symmetric_mesh_stays_symmetric():
 
 def test_without_the_option_nothing_is_paired():
     head, partner = symmetric_head()
-    sharpen(time=256.0)
+    sharpen(where="everywhere", time=256.0)
     assert asymmetry(read_positions(head.data), partner) > 0.0
 
 
@@ -55,7 +55,7 @@ def test_an_asymmetric_mask_is_respected():
     head.data.use_mirror_x = True
     right = np.flatnonzero(before[:, 0] > 1e-6)
     head.vertex_groups.new(name="Right").add(right.tolist(), 1.0, "REPLACE")
-    sharpen(vertex_group="Right")
+    sharpen(where="everywhere", vertex_group="Right")
     moved = np.flatnonzero((read_positions(head.data) != before).any(axis=1))
     assert len(moved) > 0
     assert set(moved) <= set(right)
