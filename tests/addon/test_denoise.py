@@ -263,6 +263,14 @@ def test_what_was_not_written_is_not_counted(noisy_cube, select, counting, monke
     assert counting.counts[1] == len(objects[0].data.vertices)
 
 
+def test_a_model_that_was_built_in_halves_stays():
+    bpy.ops.mesh.primitive_monkey_add()
+    mesh = bpy.context.object.data
+    before = read_positions(mesh)
+    assert denoise() == {"FINISHED"}
+    np.testing.assert_array_equal(read_positions(mesh), before)
+
+
 def test_modifiers_are_named_when_vertices_move():
     obj = SimpleNamespace(modifiers=[SimpleNamespace(type="MIRROR")], data={}, session_uid=1)
     operator = bpy.types.SHOCK_FILTER_OT_denoise
