@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ...base.checks import BAND, SCALES
 from ...base.parallel import blocks, kernel, run
-from ...base.progress import aside
+from ...base.progress import aside, ask
 from ...grid.advect import advect_pixels
 from ...grid.channels import Channels
 from ...grid.part import Part
@@ -130,6 +130,7 @@ class Planes:
         height = self.values.shape[1]
         out = np.empty((count, bottom - top, width), np.float32)
         for energy, target in zip(energies, out, strict=True):
+            ask()
             smooth_rows(energy, first, height, weights, top, target)
         if not self.opacity.size:
             return out
@@ -142,6 +143,7 @@ class Planes:
         count, _, width = self.values.shape
         out = np.empty((len(sigmas), count, bottom - top, width), np.float32)
         for smooth, sigma in zip(out, sigmas, strict=True):
+            ask()
             self._smooth(gaussian_of(sigma), top, bottom, smooth)
         return out
 
@@ -196,6 +198,7 @@ class Planes:
             if hidden is not None and r == 0:
                 low[r][:, hidden], high[r][:, hidden] = np.inf, -np.inf
             for least, most in zip(low[r], high[r], strict=True):
+                ask()
                 least_and_greatest(least, most, reach - done)
             done = reach
         if hidden is not None:

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...base.parallel import run
-from ...base.progress import phase
+from ...base.progress import ask, phase
 from ...grid.part import Part
 from ...grid.potential import flow_reach
 from ...mixture.network import Network, digest, load
@@ -157,6 +157,7 @@ def mixed(
 
     def mix(strip: FirstStrip | SecondStrip, start: int, stop: int) -> None:
         for y in range(start, stop, rows):
+            ask()  # a strip of a wide image takes long
             end = min(y + rows, stop)
             differences, told = strip.rows(y, end)
             if len(more := stage.planes.told(y, end)):
