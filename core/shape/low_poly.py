@@ -302,7 +302,7 @@ def _dissolved(
     sums = np.column_stack([normals, off]) * areas[:, None]
     quadrics = np.zeros((count, 4, 4))
     _add_planes(points, faces, normals, areas * _share(mesh, held | sharp), held, quadrics)
-    # In the high bits, the sector of a corner between held edges; in the low bits, also creases.
+    # The sector of each corner between held edges in the high bits, between creases too in the low.
     sources = _sectors(mesh.twins, held) << 32 | _sectors(mesh.twins, held | sharp)
     alive = np.ones(mesh.face_count, dtype=bool)
     state = (points, home, faces, first, following, alive, held, _lines_at(faces, held, count),

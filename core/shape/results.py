@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a refit has come to, place by place: where it has not come nearer to its normals, it goes.
+"""Undoes a refit where it has not brought the faces nearer to their target normals.
 
-Not in the papers. Where walls are as thin as their faces, or sheets touch, there is no surface of
-these faces with the wanted normals, and half of the way there is worse than none.
+Not in the papers. Where walls are as thin as the edges of their faces, or sheets touch, these faces
+cannot form a surface with the target normals, and a refit that fails is worse than none.
 """
 
 from __future__ import annotations
@@ -21,53 +21,58 @@ from ..mesh.triangle_mesh import Floats, TriangleMesh
 from .creases import ramp
 
 _LEFT = 0.6, 1.0
-"""Share of the deviation from the wanted normals that is left around a vertex, from which it goes
-back in part, and fully: where more than 0.7 is left, made solids gain nothing in the mean."""
+"""Ramp of the deviation from the target normals around a vertex, over that before the refit: below
+the first value the vertex stays moved, above the second it goes back fully. On synthetic solids, a
+ratio above 0.7 is no gain on average."""
 
 _AROUND = 8
-"""Smoothing passes that add the deviations up."""
+"""Smoothing passes that average deviations and drifts over the surroundings."""
 
 _DEGREE = 1.0 - np.cos(np.radians(1.0))
-"""Deviations of that size are none."""
+"""Deviations of this size, 1 degree, count as none."""
 
 _SEEN = 0.1
-"""A move in mean edge lengths that is missed, when it is taken back."""
+"""Moves by more than this, in mean edge lengths, are reported if they are undone."""
 
 _THIN, _FAR = 2.0, 3.0
-"""Mean edge lengths between two sides of a thin wall; so far they are looked for."""
+"""Thickness below which a wall is thin, and up to which it is measured, in mean edge lengths."""
 
 _TOUCHING = 0.1
-"""Edge lengths below which no finer mesh parts the two sides."""
+"""Thickness, in mean edge lengths, below which even a finer remesh would not separate the sides."""
 
 _BESIDE = 1.5
-"""The square of how far beside a vertex the other side may lie."""
+"""Greatest square of the lateral distance at which a vertex counts as the other side of a wall, in
+squared mean edge lengths."""
 
 _DRIFT = 0.02
-"""Of what vertices around go along their normals in the mean, in edges: less is no drift."""
+"""Mean move of the surroundings along the normal, in mean edge lengths, up to which there is no
+drift."""
 
 _APART = 3.0, 4.0
-"""Mean edge lengths between two sides from which drifting matters less, and not at all."""
+"""Ramp of the distance between two sides, in mean edge lengths: below the first value their drift
+matters fully, above the second not at all."""
 
 _NARROWED = 0.04, 0.12
-"""Share of the way between two sides that drifting would take away, from which it is taken back in
-part, and fully: creases that close do not move what lies between them."""
+"""Ramp of the share of that distance by which drift would reduce it: below the first value drift
+stays, above the second it is undone fully. Creases that close cause no drift."""
 
 
 def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[Floats, Floats]:
-    """Take a displacement back where faces have hardly come nearer to their normals.
+    """Undo a displacement where it hardly brings faces nearer to their target normals.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Before.
+        The mesh before the displacement.
     targets : (m, 3) float64
-        The normals that its faces should have.
+        Target normals of its faces.
     moved : (n, 3) float64
         The displacement, in the unit of `mesh.vertices`.
 
     Returns
     -------
     moved : (n, 3) float64
+        The displacement that is left.
     lost : (n,) float64
         How far each vertex went back, in mean edge lengths.
     """
@@ -84,7 +89,7 @@ def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[F
 
 
 def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
-    """Say how many places went back, and what helps."""
+    """Report in how many places the refit was undone, and what helps."""
     places = np.flatnonzero(lost > _SEEN)
     if len(places) == 0:
         return
@@ -105,7 +110,7 @@ def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
 
 
 def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:
-    # How many places they make: those within two edges of each other are one.
+    # The number of places that vertices form: those within about two edges belong to one place.
     if len(vertices) == 0:
         return 0
     chosen = np.zeros(mesh.vertex_count, dtype=np.uint8)
@@ -123,19 +128,19 @@ def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:
 def without_drift(
     mesh: TriangleMesh, moved: Floats, fixed: npt.NDArray[np.bool_] | None = None
 ) -> Floats:
-    """Take back how far the sides of thin walls, or of narrow gaps, have moved towards each other.
+    """Undo drift: moves of the two sides of a thin wall, or of a narrow gap, towards each other.
 
-    A refit knows normals alone: they let sheets whose borders turn sink into each other, or into
-    what lies between. What vertices go in the mean around is no crease that closes.
+    A refit only sees normals, so sheets whose borders turn may sink into each other. Drift is the
+    mean move of the surroundings along the normal; a crease that closes causes none.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Before.
+        The mesh before the displacement.
     moved : (n, 3) float64
         The displacement, in the unit of `mesh.vertices`.
     fixed : (n,) bool, optional
-        Vertices that stay.
+        Vertices whose displacement must not change.
 
     Returns
     -------
@@ -161,8 +166,8 @@ def without_drift(
 
 
 def _thickness(mesh: TriangleMesh, places: npt.NDArray[np.intp]) -> Floats:
-    # Distance to what faces the other way and lies behind or before a vertex, in edges; at most
-    # _FAR.
+    # The distance of vertices to the opposite side of the surface, behind or before them, in mean
+    # edge lengths; at most _FAR.
     return _other_sides(mesh, average_to_vertices(mesh, mesh.normals), places, None, _FAR)
 
 
@@ -170,7 +175,8 @@ def _other_sides(
     mesh: TriangleMesh, normals: Floats, places: npt.NDArray[np.intp], toward: Floats | None,
     far: float,
 ) -> Floats:  # fmt: skip
-    # Distances along the normals to what faces the other way, in edges; towards one side, if given.
+    # Distances along the normals to parts of the surface that face the other way, in mean edge
+    # lengths; only in the directions `toward`, if given.
     points = mesh.scaled_vertices
     _, nearest = nearest_point(point_tree(points[places]), points, far)
     near = np.flatnonzero(nearest >= 0).astype(np.int32)
@@ -203,7 +209,8 @@ def _find_other_sides(start, stop, places, points, normals, near, begin, around,
 
 @kernel
 def _measure(start, stop, vertices, moved, faces, before, targets, unit, off):
-    # 1 - cos of the angle to the wanted normal, times the area in squared mean edge lengths.
+    # 1 - cos of the angle to the target normal, times twice the area in squared mean edge lengths:
+    # before and after the displacement.
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         u, v = edge(vertices, a, b), edge(vertices, a, c)
