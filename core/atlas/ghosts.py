@@ -134,7 +134,7 @@ class GhostReads(NamedTuple):
 
 
 def find_reads(sheet: Sheet, sources: GhostSources) -> GhostReads:
-    """Find what `fill_planes` reads."""
+    """Prepare `fill_planes`."""
     which = np.flatnonzero(sources.cells >= 0).astype(np.int32)
     known = np.zeros(len(sheet.ghosts), dtype=np.bool_)
     found = []
@@ -157,7 +157,7 @@ def find_reads(sheet: Sheet, sources: GhostSources) -> GhostReads:
 
 
 def fill_planes(reads: GhostReads, planes: npt.NDArray[np.float32]) -> None:
-    """Do as `fill_ghosts`, for planes that lie one after the other: (k, rows, columns)."""
+    """Fill ghosts as `fill_ghosts`, but for separate planes: (k, rows, columns)."""
     run(_fill_planes, len(planes), reads, planes, chunk=1)
 
 

@@ -20,13 +20,13 @@ from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
 
 _SLIVER = 1e-6
-"""Faces whose area is at most so much of their longest side squared have none: vertices are kept
+"""Faces have no area if it is at most this share of their squared longest side: vertices are stored
 with 24 bits.
 """
 
 MOST_FACES = 4000
 """Most faces that a geodesic crosses. It would cross more only where texels are far larger than
-faces: around a hub. Then it ends early, within the few texels of its length.
+faces, as around a vertex of very many faces. There it ends early, within a few texels.
 """
 
 

@@ -40,8 +40,8 @@ _TOLERANCE = 3e-2
 """Residual of the least squares, relative to its right-hand side (see `SolveReport`)."""
 
 _SLACK = 0.5
-"""How far a texel may leave the range around it, in multiples of that range. Its own centre is not
-seen; on the chart, where it is seen, values interpolate to ones that both sides have."""
+"""How far a texel may leave the range around it, in multiples of that range. Its centre is not
+visible; on the chart, where it is interpolated, values are in the range of both sides."""
 
 
 class SeamFit:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Seams across which a texture continues, told from borders between materials.
+"""Distinguishes seams across which a texture continues from borders between materials.
 
 A seam is cut into parts about a texel long, and texels on both sides of each are compared. Where
 the median step around a part exceeds what chance and the change within each side explain, the part
