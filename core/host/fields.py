@@ -27,7 +27,7 @@ from .textures import analyse, atlas_of
 _ANALYSIS = 0.3  # of the time that a run takes
 
 _QUICK, _SLOW = 256, 192
-"""Most texels in each direction of a preview, and of those of slow filters."""
+"""Most texels along each axis of a preview; and of a preview of a slow filter."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class FieldSurface:
         Height and width of the image.
     given : mapping
         Keyword arguments for the function in the registry, without its settings. Directions may
-        also be given by name (`along`), or by numbers at the corners with this gradient (`rising`),
-        and what occludes as a list of `WorldMesh`.
+        also be given by name (`along`), or by numbers at the corners with this gradient (`rising`);
+        occluders are a list of `WorldMesh`.
     at_vertices : bool
         Whether values at the vertices are computed instead of an image.
     is_tried : bool
@@ -208,7 +208,7 @@ class WorldMesh:
 
 @dataclass(frozen=True)
 class BakeSurface:
-    """The faces that will show maps, and what these are of.
+    """The faces that will show maps, and the meshes that the maps are baked from.
 
     Attributes
     ----------

@@ -122,9 +122,9 @@ class Holes:
         return Sparse(whole.start, whole.columns_, whole.values, 2 * (len(whole.seam),))
 
     def _reduced(self, kept: Bools) -> SheetMatrix:
-        # The equations of the unknowns alone. Other nodes in `kept` stay for the stencil's sake,
-        # each with an equation of its own whose solution is 0; all others are left out, which
-        # saves most of the time.
+        # The equations of the unknowns. Other nodes in `kept` are needed by the stencil, and get
+        # separate equations with the solution 0; all others are left out, which saves most of the
+        # time.
         whole, unknown = self.whole, self.unknown
         nodes = whole.labels.size
         stencil = np.zeros(whole.stencil.shape, dtype=np.float32)

@@ -3,9 +3,9 @@
 
 Approximate minimum degree (Amestoy, Davis and Duff 1996). Eliminated unknowns are *elements*: each
 stands for couplings among all unknowns on its list, which is also a column of the factor. An
-unknown keeps the elements that it is on, and those of its neighbors that no element couples it
-with. Its degree is bounded from above by adding up what each element has outside the newest one.
-Unknowns are not merged, as blocks along seams have few that are alike.
+unknown keeps the elements that it is on, and those neighbors with which no element couples it. Its
+degree is bounded from above by the sum of what each element has outside the newest one. Unknowns
+are not merged, because blocks along seams have few equivalent ones.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..base.progress import ask
 from .matrix import Ints, Sparse, absolute, added, couplings_of, transposed
 
 _AT_ONCE = 1 << 10
-"""Unknowns that are eliminated between two questions."""
+"""Number of unknowns that are eliminated between two checks for cancelling."""
 
 
 class Ordering(NamedTuple):
