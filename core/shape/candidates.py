@@ -40,7 +40,7 @@ TAKES_SIDES = 6
 LONGER = 8.0
 """Time of the second flow, over that of the first."""
 
-_STILL = np.cos(np.radians(5.0))
+_STILL_COSINE = np.cos(np.radians(5.0))
 """Cosine of 5 degrees. A face keeps its normal if within two rings neither a flow nor the mean
 after 2 passes turns a face by more. With a gate, which sees only faces that turn by more, within
 one ring of those it lets pass."""
@@ -58,7 +58,7 @@ exp(-(d / d0)^2)."""
 _CELLS = 5.0, 14.0
 """Sizes of the grid cells in which measures are averaged, in mean edge lengths."""
 
-_AT_ONCE = 1 << 15
+_GATE_BLOCK = 1 << 15
 """Number of faces that the gate scores in one call, to save memory."""
 
 _AROUND = len(_CHANGES) + len(_ALIKE) + 3
@@ -76,8 +76,10 @@ TOLD_FIRST = [
 ]  # fmt: skip
 """Indices of the features that the gate sees."""
 
-DEFINITION = digest("creases 4", repr((CANDIDATES, TAKES_SIDES, LONGER, round(float(_STILL), 9),
-                                       _PASSES, _CHANGES, _ALIKE, _CELLS, _AROUND)))  # fmt: skip
+DEFINITION = digest("creases 4", repr((
+    CANDIDATES, TAKES_SIDES, LONGER, round(float(_STILL_COSINE), 9), _PASSES, _CHANGES, _ALIKE,
+    _CELLS, _AROUND,
+)))  # fmt: skip
 """Digest of what the features mean. When a change of the code changes them, raise the number in the
 first text."""
 
@@ -131,15 +133,15 @@ def find_candidates(
     turned = np.empty(mesh.face_count, dtype=np.bool_)
     with phase(0.6, 0.65, message):
         run(_gather, mesh.face_count, mesh.faces, mesh.normals, mesh.areas, signal, near, far,
-            *flows, _STILL, everywhere, turned)  # fmt: skip
+            *flows, _STILL_COSINE, everywhere, turned)  # fmt: skip
     with phase(0.65, 0.8, message):
         turn, wide_turn = _turn(near), _turn(far)
         surroundings = _Surroundings(mesh, everywhere, signal, near, far)
         del near, far
         if gate is not None:
             rows = np.flatnonzero(turned)
-            for begin in range(0, len(rows), _AT_ONCE):
-                some = rows[begin : begin + _AT_ONCE]
+            for begin in range(0, len(rows), _GATE_BLOCK):
+                some = rows[begin : begin + _GATE_BLOCK]
                 turned[some] = _passed(gate, everywhere[some], surroundings.told(some))
             turned = grown(mesh, turned)
         else:

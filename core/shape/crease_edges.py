@@ -37,34 +37,34 @@ _RINGS = 2
 _WEAK = 0.5
 """Share of the crease angle from which an edge may continue a crease."""
 
-_SMALL = 2.0
+_SMALL_AREA = 2.0
 """Area, in squared mean edge lengths, below which a region between creases may be merged."""
 
-_TURNED = np.cos(np.radians(2.0))
+_TURNED_COSINE = np.cos(np.radians(2.0))
 """Cosine of 2 degrees. A small region is merged if most of its area belongs to faces that turn to
 their targets by more, or that share a vertex with such faces."""
 
 _SLIVER = 0.035
 """They are also merged if their area is below this share of their squared perimeter."""
 
-_PART = 0.25
+_LARGEST_SHARE = 0.25
 """But none whose area is more than this share of the region it would join: on coarse meshes, single
 faces are regions."""
 
 _ROUNDS = 3
 """Rounds of merging: a region may be merged with one that is small too."""
 
-_AHEAD = 0.35
+_AHEAD_COSINE = 0.35
 """Least cosine of the angle by which a line turns where it is continued."""
 
-_SPECK = 3, 1
+_FIRST_PRUNING = 3, 1
 """Lines are removed at first if they have at most so many edges: lines that end at another one, and
 lines with two loose ends."""
 
-_SHORT = 3, 5
+_LAST_PRUNING = 3, 5
 """The same after lines have been continued and joined."""
 
-_OWN = 8
+_OWN_VERTICES = 8
 """An end is not joined with the last vertices of its own line, up to this number."""
 
 
@@ -140,12 +140,12 @@ def crease_edges(
     run_in_order(_count_edges, mesh.face_count, mesh.faces, chosen, degrees)
     of_mesh = mesh.scaled_vertices, mesh.faces, mesh.twins, *mesh.corners
     more = turns, angle, barred, chosen, degrees
-    _prune(_ends(mesh, degrees), *of_mesh, *_SPECK, chosen, degrees)
+    _prune(_ends(mesh, degrees), *of_mesh, *_FIRST_PRUNING, chosen, degrees)
     _continue(_ends(mesh, degrees), *of_mesh, *more)
     for _ in range(2):
         _bridge(_ends(mesh, degrees), *of_mesh, *more)
         _drop_doubles(mesh, normals, turns, chosen, degrees)
-        _prune(_ends(mesh, degrees), *of_mesh, *_SHORT, chosen, degrees)
+        _prune(_ends(mesh, degrees), *of_mesh, *_LAST_PRUNING, chosen, degrees)
         ask()
     return chosen
 
@@ -192,7 +192,7 @@ def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, cho
     # A region is similar to a neighbour by a long common border and a small turn across it.
     length = np.linalg.norm(steps, axis=1)
     alike = length * (1.0 + np.cos(np.radians(turns[face, side])))
-    turned = (np.einsum("ij,ij->i", mesh.normals, normals) < _TURNED).astype(np.float64)
+    turned = (np.einsum("ij,ij->i", mesh.normals, normals) < _TURNED_COSINE).astype(np.float64)
     turned = mesh.areas * greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
     first = parts.copy()
     for _ in range(_ROUNDS):
@@ -201,12 +201,12 @@ def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, cho
         around = np.bincount(here, length * (here != there), minlength=mesh.face_count)
         none = np.bincount(parts, turned, minlength=mesh.face_count) > 0.5 * area
         none |= area <= _SLIVER * around**2
-        rows = np.flatnonzero((here != there) & (area[here] < _SMALL) & none[here])
+        rows = np.flatnonzero((here != there) & (area[here] < _SMALL_AREA) & none[here])
         pairs = here[rows].astype(np.int64) * mesh.face_count + there[rows]
         unique, number = np.unique(pairs, return_inverse=True)
         likeness = np.bincount(number, alike[rows])
         small, large = np.divmod(unique, mesh.face_count)
-        likeness[area[small] > _PART * area[large]] = 0.0
+        likeness[area[small] > _LARGEST_SHARE * area[large]] = 0.0
         order = np.lexsort((area[large], likeness.round(9), small))
         last = np.append(small[order][1:] != small[order][:-1], True) & (likeness[order] > 0)
         joins = np.arange(mesh.face_count, dtype=np.int32)
@@ -389,7 +389,7 @@ def _continue(
                     or barred[h // 3, h % 3]
                 ):
                     continue
-                if _turn_to(vertices, way, v, w)[0] > _AHEAD:
+                if _turn_to(vertices, way, v, w)[0] > _AHEAD_COSINE:
                     best, strongest = h, turn
             if best < 0:
                 break
@@ -412,7 +412,7 @@ def _bridge(
     ends, vertices, faces, twins, corner_start, corners, turns, angle, barred, chosen, degrees
 ):
     # Joins loose ends, over at most three edges, with another line or a far part of their own.
-    last = np.empty(_OWN, dtype=np.int32)
+    last = np.empty(_OWN_VERTICES, dtype=np.int32)
     way_h = np.empty(3, dtype=np.int64)
     best_h = np.empty(3, dtype=np.int64)
     at = np.empty(4, dtype=np.int64)

@@ -41,17 +41,17 @@ FILLET = "fillet"
 THIN = "thin"
 UNSURE = "unsure"
 
-_TURNED = 8.0
+_CLOSING_TURN = 8.0
 """Mean turn in degrees, of the faces beside a line, from which the line closes."""
 
-_ALONG = 4
+_TURN_EDGES = 4
 """Number of edges to either side over which that turn is averaged."""
 
-_TYPICAL = 0.9
+_STRENGTH_QUANTILE = 0.9
 """Quantile of the angles of a line's edges that is its strength: beside weak edges, faces lie
 across the crease."""
 
-_BLUNT = 8.0
+_BLUNT_TURN = 8.0
 """Lines that stay pass only within one ring of vertices at which the RMS turn of the normals is
 more, in degrees."""
 
@@ -68,7 +68,7 @@ _WALL = 2.0
 _AT_ONCE = 1024
 """Number of vertices per search for walls."""
 
-_OPPOSITE = -0.7
+_OPPOSITE_COSINE = -0.7
 """Greatest cosine of the angle between the normals of the two sides of a wall."""
 
 
@@ -280,7 +280,7 @@ def _found(
         cosines = np.einsum("ij,ij->i", mesh.normals, targets.normals)
         turned = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
         lines, closes = _parted(mesh, lines, turned)
-        sided = np.where(turned > _TURNED, targets.sided, 1.0)
+        sided = np.where(turned > _CLOSING_TURN, targets.sided, 1.0)
         states = np.where(closes, CLOSES, SHARP)
         given = _described(mesh, lines, turns, sided, found, angle, states)
     if not with_left:
@@ -288,7 +288,7 @@ def _found(
     with phase(0.9, 1.0, "Tracing creases"):
         near = np.zeros(mesh.vertex_count)
         near[mesh.faces[chosen]] = 1.0
-        blunt = dilation(mesh, (found.turn > np.radians(_BLUNT)).astype(np.float64), 1)
+        blunt = dilation(mesh, (found.turn > np.radians(_BLUNT_TURN)).astype(np.float64), 1)
         allowed = (dilation(mesh, near, _APART) == 0) & (blunt > 0)
         if not allowed.any():
             return given
@@ -330,8 +330,8 @@ def _parted(mesh: TriangleMesh, lines: _Lines, turned: Floats) -> tuple[_Lines, 
     sizes = np.diff(np.append(starts, len(edges)))
     first, last = np.repeat(starts, sizes), np.repeat(starts + sizes, sizes)
     places = np.arange(len(edges))
-    low, high = np.maximum(places - _ALONG, first), np.minimum(places + _ALONG + 1, last)
-    sums = np.append(0.0, np.cumsum(turns - _TURNED * areas.sum(axis=1)))
+    low, high = np.maximum(places - _TURN_EDGES, first), np.minimum(places + _TURN_EDGES + 1, last)
+    sums = np.append(0.0, np.cumsum(turns - _CLOSING_TURN * areas.sum(axis=1)))
     closes = sums[high] - sums[low] > 0
     changes = np.flatnonzero((closes[1:] != closes[:-1]) & (first[1:] == first[:-1])) + 1
     whole = np.ones(len(starts), dtype=bool)
@@ -368,7 +368,7 @@ def _described(
     strong = np.abs(turn) >= angle
     ends = np.append(starts[1:], len(edges))
     by_turn = np.sort(np.abs(turn) + 256.0 * np.repeat(np.arange(len(starts)), ends - starts))
-    typical = starts + (_TYPICAL * (ends - starts - 1)).round().astype(np.int32)
+    typical = starts + (_STRENGTH_QUANTILE * (ends - starts - 1)).round().astype(np.int32)
     strength = by_turn[typical] - 256.0 * np.arange(len(starts))
     surely = np.maximum(sided[face], sided[mesh.twins[face, side] // 3])
     sureness = mean(np.where(strong, surely, 0.0))
@@ -417,7 +417,7 @@ def _thin_vertices(mesh: TriangleMesh, vertices: npt.NDArray[np.intp], normals: 
         around = normals[corners[start[v] : start[v + 1]] // 3]
         away = centers[others] - mesh.scaled_vertices[v]
         across = np.abs(away @ around.T) < _WALL
-        thin[i] = ((normals[others] @ around.T < _OPPOSITE) & across).any()
+        thin[i] = ((normals[others] @ around.T < _OPPOSITE_COSINE) & across).any()
     return thin
 
 

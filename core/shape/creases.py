@@ -39,11 +39,11 @@ from .crease_edges import even_share
 
 WEIGHTS = Path(__file__).with_name("creases.npz")
 
-_TURNS = 2.5, 6.0
+_TURN_RAMP = 2.5, 6.0
 """Ramp in degrees of the turn to the target normal: below the first value a face and those around
 it stay, above the second they turn fully."""
 
-_TURNED = np.cos(np.radians(_TURNS[1]))
+_TURNED_COSINE = np.cos(np.radians(_TURN_RAMP[1]))
 
 _RINGS = 3
 """Number of rings around turning faces in which faces turn too."""
@@ -59,11 +59,11 @@ part."""
 _NEARLY_ALL = 0.95
 """Share of the crest vertices whose roundings the reported widest fillet would close."""
 
-_CLEAR = 6.0, 10.0
+_ROUNDING_RAMP = 6.0, 10.0
 """Ramp in degrees, for Widest Fillet: where normals turn by less than the first value there is no
 rounding, by more than the second there surely is."""
 
-_AROUND = 12
+_WIDTH_PASSES = 12
 """Smoothing passes that average the width measure, over about four edges."""
 
 
@@ -162,7 +162,7 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
         if settings.widest_fillet > 0:
             wide, clear = _fillets(mesh, found, crest, settings.widest_fillet)
             closed, _ = mixture(found.normals, scores, TAKES_SIDES)
-            turns = cosines(found.normals[:, 0].astype(np.float64), closed) < _TURNED
+            turns = cosines(found.normals[:, 0].astype(np.float64), closed) < _TURNED_COSINE
             too_wide = bool((turns & (wide * clear > 0.5)).any())
             narrow = (1.0 - wide) * clear
             _mix_to(normals, closed, narrow)
@@ -203,7 +203,7 @@ def _taken(
 ) -> tuple[Floats, Floats]:
     # Takes the mixed normals around faces that turn; others keep their own, bit for bit.
     turned = np.zeros(mesh.face_count)
-    run(_measure_turns, len(rows), rows, mesh.normals, normals, _TURNS, turned)
+    run(_measure_turns, len(rows), rows, mesh.normals, normals, _TURN_RAMP, turned)
     seed = greatest_to_vertices(mesh, turned)
     near = smooth_vertices(mesh, dilation(mesh, seed, _RINGS).reshape(-1, 1), 2)
     shares = average_to_faces(mesh, near).reshape(-1)
@@ -224,11 +224,11 @@ def _fillets(
 ) -> tuple[Floats, Floats]:
     # How surely a face lies at a rounding wider than `widest`, and at a rounding at all.
     sums = np.stack([crest, crest * widths(found)], axis=1)
-    sums = smooth_vertices(mesh, sums, _AROUND)
+    sums = smooth_vertices(mesh, sums, _WIDTH_PASSES)
     width = np.divide(sums[:, 1], sums[:, 0], out=np.zeros(len(sums)), where=sums[:, 0] > 0)
     most = float(np.interp(widest, *WIDTHS))
     wide = greatest_to_faces(mesh, ramp(width, (most - _MARGIN, most + _MARGIN)))
-    clear = dilation(mesh, ramp(np.degrees(np.sqrt(crest)), _CLEAR), _RINGS)
+    clear = dilation(mesh, ramp(np.degrees(np.sqrt(crest)), _ROUNDING_RAMP), _RINGS)
     wide, clear = wide[found.rows], greatest_to_faces(mesh, clear)[found.rows]
     return wide, clear
 

@@ -64,7 +64,7 @@ _TURN = np.radians(5.0)
 _RADII = 3.0
 """Reach of a local refit around the faces that turn, in screening radii."""
 
-_MOST_RINGS, _WORTH_IT = 60, 0.8
+_MOST_RINGS, _LARGEST_PART = 60, 0.8
 """If that is more than this number of rings, or if the local part has more than this share of all
 vertices, the whole mesh is solved for."""
 
@@ -222,7 +222,7 @@ def local_displacement(
         return displacement(mesh, normals, settings, mask, steps, freedom)[0]
     turned = (normals != mesh.normals).any(axis=1)
     near = dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), rings)
-    if near.mean() > _WORTH_IT:
+    if near.mean() > _LARGEST_PART:
         return displacement(mesh, normals, settings, mask, steps, freedom)[0]
     moved = np.zeros((mesh.vertex_count, 3))
     if near.any():

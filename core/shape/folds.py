@@ -32,13 +32,13 @@ _SAME = 1e-9
 _WORSE = 0.02
 """Cosines may fall by this much where an edge was a fold before, or a face was turned over."""
 
-_OFF = 0.05
+_FLIPPED = 0.05
 """Cosine of the angle to its target below which a face is turned over."""
 
-_NEARLY = 0.1
+_RAMP_WIDTH = 0.1
 """Width of the ramp of cosines above these bounds in which a face is bad in part."""
 
-_GONE = 0.02, 0.1
+_AREA_RAMP = 0.02, 0.1
 """Ramp of a face's area over that of the input: below the first value the face is bad and its
 normal is not used, above the second it is neither; in between, both apply in part."""
 
@@ -48,11 +48,11 @@ _STIFF = (200.0,) * 6 + (20.0,) * 3
 _SLIDES = 4
 """Slides in each round."""
 
-_AROUND, _FARTHER = 2, 2.0
+_MOVE_RINGS, _MOVE_FACTOR = 2, 2.0
 """A sliding vertex may end this factor (second) times as far from its input position as any vertex
 within so many rings (first) had moved: small moves undo the folds of small moves."""
 
-_EVENED = 8
+_AVERAGING_ROUNDS = 8
 """Rounds in which vertices take over the mean displacement of their neighbours."""
 
 _RETREATS, _RETURNS, _RETREAT = 8, 32, 0.6
@@ -167,9 +167,9 @@ def _slide(
     still = np.zeros(mesh.vertex_count, dtype=np.bool_) if fixed is None else fixed.copy()
     still[_border(mesh)] = True
     most = np.linalg.norm(moved, axis=1)
-    for _ in range(_AROUND):
+    for _ in range(_MOVE_RINGS):
         most = greatest_to_vertices(mesh, greatest_to_faces(mesh, most))
-    most *= _FARTHER
+    most *= _MOVE_FACTOR
     for stiff in _STIFF:
         # Rounds of low stiffness move vertices off creases, so they are for fully bad faces only.
         counted = grades if stiff == _STIFF[0] else np.floor(grades)
@@ -199,7 +199,7 @@ def _even_out(
     # Averages displacements with those of neighbours, which keeps the input's shape.
     mesh = checks.mesh
     among, grades = bad, np.ones(len(bad))
-    for _ in range(_EVENED):
+    for _ in range(_AVERAGING_ROUNDS):
         if not (grades >= 1).any():
             break
         ask()
@@ -309,7 +309,7 @@ def _grade(start, stop, among, vertices, moved, faces, twins, before, areas, uni
         on = dot(before[f], targets[f])
         grades[i] = gone
         if area > 0:
-            least = min(_OFF, on - _WORSE)
+            least = min(_FLIPPED, on - _WORSE)
             grades[i] = max(grades[i], _graded(dot(n, targets[f]), least, on))
         for k in range(3):
             if twins[f, k] < 0:
@@ -331,13 +331,13 @@ def _gone(area, before):
     # 1 where a face has nearly no area left, so that a little more noise would turn it over.
     if before <= 0:
         return 0.0
-    return min(max((_GONE[1] - area / before) / (_GONE[1] - _GONE[0]), 0.0), 1.0)
+    return min(max((_AREA_RAMP[1] - area / before) / (_AREA_RAMP[1] - _AREA_RAMP[0]), 0.0), 1.0)
 
 
 @kernel
 def _graded(cosine, least, before):
     # 1 below the least cosine; 0 well above it, and where the cosine has not fallen.
-    return min(max(1.0 - (cosine - least) / min(_NEARLY, before - least), 0.0), 1.0)
+    return min(max(1.0 - (cosine - least) / min(_RAMP_WIDTH, before - least), 0.0), 1.0)
 
 
 @kernel

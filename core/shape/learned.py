@@ -60,44 +60,44 @@ BUMP_REACH, BUMP_FITS = 2.0, 2
 """The fit that removes bumps: its screening radius grows by this factor times the bump size; and
 the number of successive fits."""
 
-_STILL = 1.6, 3.0
+_TURN_RAMP = 1.6, 3.0
 """Ramp in degrees, of the largest turn within two rings of a face: below the first value the face
 keeps its normal, above the second it takes the new one."""
 
-_NEARER, _ROUNDS = (0.5, 1.5), 4
+_DEVIATION_RAMP, _UNDO_ROUNDS = (0.5, 1.5), 4
 """Ramp of a ratio: the squared distance from the target normals after a displacement, over that
 before it. Below the first value a vertex keeps its displacement, above the second it loses all of
 it. A good fit leaves about 0.1; a narrower ramp would let rounding errors decide. The test is
 repeated, at most this often, because vertices that go back turn the faces beside them."""
 
-_HARDLY = 3e-6
+_LEAST_DEVIATION = 3e-6
 """Squared distance between unit normals that counts as none: 0.1 degrees."""
 
-_UPRIGHT, _TURNED = 0.4, -0.2
+_NOT_FLIPPED, _FLIPPED = 0.4, -0.2
 """Ramp of the cosine between a face normal and its target: a face above the first value is not
 turned over, one below the second is fully. A fit cannot turn such a face back, so the vertices
 around it are smoothed before the fit."""
 
-_EQUAL = 2e-3
+_SQUARE_TOLERANCE = 2e-3
 """Tolerance, for relative differences of squared lengths and for cosines, of the test whether two
 squares are equal and perpendicular: far above the rounding of single precision, and far below any
 noise."""
 
-_BESIDE = 0.15
+_STEP_SHARE = 0.15
 """A vertex lies fully on voxel steps if at least this share of its faces has a step up, and as many
 a step down."""
 
-_STEPPED = 0.4, 0.55
+_STEPPED_RAMP = 0.4, 0.55
 """Ramp of the mean of that measure within three rings: below the first value a vertex stays, above
 the second it is smoothed fully."""
 
-_STEPS = 50, 200
+_STEP_COUNT_RAMP = 50, 200
 """The same ramp for the number of such vertices in the mesh: a few steps are part of the model."""
 
-_SPREAD = 4.0
+_FLIP_SMOOTHING = 4.0
 """Vertices are smoothed by this factor times the mean share of turned-over faces around them."""
 
-_RINGS, _WORTH_IT = 24, 0.6
+_RINGS, _LARGEST_PART = 24, 0.6
 """With a mask, only the part within this many rings of the chosen vertices is denoised, unless it
 has more than this share of all vertices: then the whole mesh is."""
 
@@ -167,7 +167,7 @@ def _denoised(mesh: TriangleMesh, free: Floats | None, ways: _Ways) -> tuple[Flo
         return _in_stages(mesh, None, ways)
     rings = _RINGS + ceil(BUMP_REACH * ways.bump_size)
     near = dilation(mesh, (free > 0).view(np.uint8), rings)
-    if near.mean() > _WORTH_IT:
+    if near.mean() > _LARGEST_PART:
         return _in_stages(mesh, free, ways)
     moved, normals = np.zeros((mesh.vertex_count, 3)), mesh.normals.copy()
     chosen = np.flatnonzero(greatest_to_faces(mesh, near))
@@ -190,16 +190,16 @@ def _without_voxels(mesh: TriangleMesh) -> Floats | None:
     # The displacement that smooths the steps of voxel surfaces; None if the mesh has no such steps.
     steps = np.empty((mesh.face_count, 2))
     run(_find_steps, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.normals,
-        _EQUAL, steps)  # fmt: skip
+        _SQUARE_TOLERANCE, steps)  # fmt: skip
     if not steps.any(axis=0).all():
         return None
     beside = average_to_vertices(mesh, steps).min(axis=1, keepdims=True)
-    beside = around = np.minimum(beside / _BESIDE, 1.0)
+    beside = around = np.minimum(beside / _STEP_SHARE, 1.0)
     for _ in range(3):
         around = average_to_vertices(mesh, average_to_faces(mesh, around))
     share = 2.0 * average_to_vertices(mesh, average_to_faces(mesh, beside))
-    share = np.minimum(share, 1.0) * between(around, _STEPPED)
-    share *= between(np.count_nonzero(share), _STEPS)
+    share = np.minimum(share, 1.0) * between(around, _STEPPED_RAMP)
+    share *= between(np.count_nonzero(share), _STEP_COUNT_RAMP)
     if not share.any():
         return None
     even = np.empty_like(mesh.vertices)
@@ -305,7 +305,7 @@ def kept_still(mesh: TriangleMesh, normals: Floats, other: Floats | None = None)
     Other faces take `normals`, or `other` if given.
     """
     turned = np.empty(mesh.face_count)
-    run(_measure_turns, mesh.face_count, mesh.normals, normals, _STILL, turned)
+    run(_measure_turns, mesh.face_count, mesh.normals, normals, _TURN_RAMP, turned)
     for _ in range(2):
         turned = greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
     turned *= kept(mesh, "possible noise", (), partial(possible_noise, mesh))
@@ -357,7 +357,7 @@ def _fitted_once(
 def _nearer(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
     # Undoes a displacement where it leads away from the target normals: a fit may fail at long thin
     # faces and at close walls, and clean parts need none.
-    for _ in range(_ROUNDS):
+    for _ in range(_UNDO_ROUNDS):
         if not moved.any():
             break
         off = np.empty((mesh.face_count, 2), dtype=np.float32)
@@ -365,7 +365,7 @@ def _nearer(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
             mesh.faces, mesh.normals, normals, off)  # fmt: skip
         around = average_around(mesh, off).astype(np.float64)
         own, new = average_around(mesh, average_to_faces(mesh, around)).T
-        share = 1.0 - between(new / (own + _HARDLY), _NEARER)
+        share = 1.0 - between(new / (own + _LEAST_DEVIATION), _DEVIATION_RAMP)
         if (share == 1.0).all():
             break
         moved = share[:, None] * moved
@@ -385,7 +385,7 @@ def _untangled(mesh: TriangleMesh, normals: Floats) -> Floats | None:
         return None
     for _ in range(2):
         over = average_to_faces(mesh, average_to_vertices(mesh, over))
-    share = np.minimum(_SPREAD * average_to_vertices(mesh, over), 1.0)
+    share = np.minimum(_FLIP_SMOOTHING * average_to_vertices(mesh, over), 1.0)
     places = mesh.vertices
     for _ in range(2):
         even = np.empty_like(places)
@@ -474,4 +474,4 @@ def _take(start, stop, old, new, shares, out):
 def _measure_over(start, stop, own, wanted, over):
     for f in range(start, stop):
         away = dot(own[f], wanted[f])
-        over[f, 0] = min(max((_UPRIGHT - away) / (_UPRIGHT - _TURNED), 0.0), 1.0)
+        over[f, 0] = min(max((_NOT_FLIPPED - away) / (_NOT_FLIPPED - _FLIPPED), 0.0), 1.0)

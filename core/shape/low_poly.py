@@ -31,48 +31,48 @@ from .sharpening import sharpen_geometry
 
 Ints = npt.NDArray[np.int32]
 
-_AREA = 1.5
+_TURN_AREA = 1.5
 """A collapse may add at most this much to the sum of areas times squared turns: a change of the
 surface by `turn` over this area, in squared mean edge lengths."""
 
-_ABOUT = 0.08
+_TURN_CAP = 0.08
 """Squared turn, in radians squared, that no normal exceeds in that sum. Normals off by more are
 wrong in the sharpened mesh, such as those of faces across a crease."""
 
-_BESIDE = 0.1
+_CREASE_WEIGHT = 0.1
 """Weight of the normals of faces at creases, which are the least reliable."""
 
-_TINY = 1.2
+_SMALL_AREA = 1.2
 """Area between creases, in squared mean edge lengths, at which the planes of its faces have a
 quarter of their weight; in larger areas they have more."""
 
-_CUT = 2.0
+_CREASE_FACTOR = 2.0
 """Factor of the tolerance at vertices along creases, because a remesh cuts corners."""
 
 _SMOOTHING = 12
 """Smoothing passes over the normals of the samples."""
 
-_ACROSS = 1.0
+_TURN_WEIGHT = 1.0
 """Squared distance, in mean edge lengths, that counts as much as a turn by 90 degrees when the new
 face of a sample is chosen."""
 
-_ALIKE = 0.01
+_SIMILAR = 0.01
 """1 - cos of the turn below which a sample takes a face at once, if it projects into it."""
 
-_UPRIGHT = 0.5
+_LEAST_COSINE = 0.5
 """Least cosine between a new face and the mean normal of its samples."""
 
-_SHAPE = 2e-3
+_LEAST_SHAPE = 2e-3
 """Least ratio of a new face's height to its longest edge, unless its ratio was smaller before."""
 
-_REACH = 2.0
+_MOST_MOVE = 2.0
 """The farthest that a vertex moves, in mean edge lengths."""
 
 _HOLD = 1e-3
 """Weight, relative to the trace of a quadric, of a term that holds the new vertex in directions
 that no plane determines."""
 
-_SHORT = 1e-6
+_LENGTH_COST = 1e-6
 """Cost per squared edge length, so that among equal edges the shortest collapse first."""
 
 
@@ -289,8 +289,8 @@ def _dissolved(
     points = home.copy()
     near = np.zeros(count, dtype=bool)
     near[faces[sharp]] = near[faces[:, (1, 2, 0)][sharp]] = True
-    areas = np.where(near[faces].any(axis=1), _BESIDE, 1.0) * mesh.areas
-    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _ABOUT)
+    areas = np.where(near[faces].any(axis=1), _CREASE_WEIGHT, 1.0) * mesh.areas
+    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _TURN_CAP)
     first, following = _chains(faces.reshape(-1), count)
     # The samples: vertices, which have positions only, and the centres of faces.
     samples = np.concatenate([points, points[faces].mean(axis=1)])
@@ -313,7 +313,7 @@ def _dissolved(
     left, done = mesh.face_count, 1
     while done:
         done = _collapse(*state, changed, tried, seen, found, max(left // 8, 64),
-                         _AREA * turn**2)  # fmt: skip
+                         _TURN_AREA * turn**2)  # fmt: skip
         left -= 2 * done
         ask(1.0 - left / mesh.face_count)
     kept = np.flatnonzero(alive)
@@ -333,7 +333,7 @@ def _allowed(mesh: TriangleMesh, tolerance: float) -> tuple[Floats, Floats]:
         np.minimum.at(shortest, each, lengths)
     np.minimum.at(remeshed, mesh.faces, possible_noise(mesh, remeshed=True)[:, None])
     away = tolerance * shortest ** (1.0 - remeshed)
-    return away, away * (1.0 + (_CUT - 1.0) * remeshed)
+    return away, away * (1.0 + (_CREASE_FACTOR - 1.0) * remeshed)
 
 
 def _share(mesh: TriangleMesh, held: Bools) -> Floats:
@@ -342,7 +342,7 @@ def _share(mesh: TriangleMesh, held: Bools) -> Floats:
     there = mesh.twins.reshape(-1)[here] // 3
     count, labels = connected_components(mesh.face_count, here // 3, there)
     areas = np.bincount(labels, mesh.areas, count)
-    shares: Floats = areas / (areas + _TINY)
+    shares: Floats = areas / (areas + _SMALL_AREA)
     return shares[labels] ** 2
 
 
@@ -466,13 +466,13 @@ def _merger(f, k, points, home, faces, held, lines, quadrics, q):
         p = _least(q, b)
         e = p[0] - home[u, 0], p[1] - home[u, 1], p[2] - home[u, 2]
         d = p[0] - home[v, 0], p[1] - home[v, 1], p[2] - home[v, 2]
-        if dot(d, d) > _REACH * _REACH:
-            if dot(e, e) > _REACH * _REACH:
+        if dot(d, d) > _MOST_MOVE * _MOST_MOVE:
+            if dot(e, e) > _MOST_MOVE * _MOST_MOVE:
                 p = b
             else:
                 u, v, a, b = v, u, b, a
     e = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-    return u, v, p, max(_value(q, p), 0.0) + _SHORT * dot(e, e)
+    return u, v, p, max(_value(q, p), 0.0) + _LENGTH_COST * dot(e, e)
 
 
 @kernel
@@ -551,10 +551,10 @@ def _fan(u, v, p, points, faces, sums, first, following, fan, corners, new):
                     return -1, -1
                 n, shape, area = _shape(p, points[a], points[b])
                 old_n, old_shape, old_area = _shape(points[w], points[a], points[b])
-                if shape < _SHAPE and shape <= old_shape:
+                if shape < _LEAST_SHAPE and shape <= old_shape:
                     return -1, -1
                 turned = _along(n, sums[f])
-                if turned < _UPRIGHT and (turned < _along(old_n, sums[f]) or area > old_area):
+                if turned < _LEAST_COSINE and (turned < _along(old_n, sums[f]) or area > old_area):
                     return -1, -1
                 fan[size] = f
                 for x in range(3):
@@ -595,14 +595,14 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, most, first
                 i = (j + step) % size
                 n = new[i]
                 d = dot(n, samples[s]) - heights[i]
-                turned = _ACROSS * (1.0 - dot(n, wanted[s]))
+                turned = _TURN_WEIGHT * (1.0 - dot(n, wanted[s]))
                 if d * d + turned >= least and (near or d * d > most[s]):
                     continue
                 d2 = _distance2(samples[s], corners[i], n, d)
                 near |= d2 <= most[s]
                 if d2 + turned < least:
                     best, least = i, d2 + turned
-                    if near and turned < _ALIKE and d2 == d * d:
+                    if near and turned < _SIMILAR and d2 == d * d:
                         break
             if not near:
                 return -1
@@ -611,7 +611,7 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, most, first
             for x in range(3):
                 tally[best, x] += areas[s] * wanted[s, x]
             off = 2.0 * (1.0 - dot(new[best], wanted[s]))
-            tally[best, 3] += areas[s] * min(off, _ABOUT)
+            tally[best, 3] += areas[s] * min(off, _TURN_CAP)
             s = next_sample[s]
     return count
 

@@ -25,13 +25,13 @@ _LEFT = 0.6, 1.0
 the first value the vertex stays moved, above the second it goes back fully. On synthetic solids, a
 ratio above 0.7 is no gain on average."""
 
-_AROUND = 8
+_PASSES = 8
 """Smoothing passes that average deviations and drifts over the surroundings."""
 
 _DEGREE = 1.0 - np.cos(np.radians(1.0))
 """Deviations of this size, 1 degree, count as none."""
 
-_SEEN = 0.1
+_REPORTED_MOVE = 0.1
 """Moves by more than this, in mean edge lengths, are reported if they are undone."""
 
 _THIN, _FAR = 2.0, 3.0
@@ -40,7 +40,7 @@ _THIN, _FAR = 2.0, 3.0
 _TOUCHING = 0.1
 """Thickness, in mean edge lengths, below which even a finer remesh would not separate the sides."""
 
-_BESIDE = 1.5
+_LATERAL_SQUARE = 1.5
 """Greatest square of the lateral distance at which a vertex counts as the other side of a wall, in
 squared mean edge lengths."""
 
@@ -48,11 +48,11 @@ _DRIFT = 0.02
 """Mean move of the surroundings along the normal, in mean edge lengths, up to which there is no
 drift."""
 
-_APART = 3.0, 4.0
+_DISTANCE_RAMP = 3.0, 4.0
 """Ramp of the distance between two sides, in mean edge lengths: below the first value their drift
 matters fully, above the second not at all."""
 
-_NARROWED = 0.04, 0.12
+_NARROWING_RAMP = 0.04, 0.12
 """Ramp of the share of that distance by which drift would reduce it: below the first value drift
 stays, above the second it is undone fully. Creases that close cause no drift."""
 
@@ -79,7 +79,7 @@ def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[F
     off = np.empty((mesh.face_count, 2))
     run(_measure, mesh.face_count, mesh.scaled_vertices, moved, mesh.faces, mesh.normals, targets,
         1.0 / mesh.mean_edge_length, off)  # fmt: skip
-    off = smooth_vertices(mesh, average_to_vertices(mesh, off), _AROUND)
+    off = smooth_vertices(mesh, average_to_vertices(mesh, off), _PASSES)
     back = ramp(off[:, 1] / (off[:, 0] + _DEGREE), _LEFT)
     if not back.any():
         return moved, back
@@ -90,7 +90,7 @@ def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[F
 
 def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
     """Report in how many places the refit was undone, and what helps."""
-    places = np.flatnonzero(lost > _SEEN)
+    places = np.flatnonzero(lost > _REPORTED_MOVE)
     if len(places) == 0:
         return
     thickness = _thickness(mesh, places)
@@ -150,15 +150,15 @@ def without_drift(
     normals = average_to_vertices(mesh, mesh.normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     along = np.einsum("vx,vx->v", moved, normals) / mesh.mean_edge_length
-    drift = smooth_vertices(mesh, along.reshape(-1, 1), _AROUND)[:, 0]
+    drift = smooth_vertices(mesh, along.reshape(-1, 1), _PASSES)[:, 0]
     places = np.flatnonzero(np.abs(drift) > _DRIFT)
     if len(places) == 0:
         return moved
     toward = normals[places] * np.sign(drift[places])[:, None]
-    between = _other_sides(mesh, normals, places, toward, _APART[1])
+    between = _other_sides(mesh, normals, places, toward, _DISTANCE_RAMP[1])
     narrowed = 2.0 * np.abs(drift[places]) / np.maximum(between, 1e-12)
     share = np.zeros(mesh.vertex_count)
-    share[places] = ramp(narrowed, _NARROWED) * (1.0 - ramp(between, _APART))
+    share[places] = ramp(narrowed, _NARROWING_RAMP) * (1.0 - ramp(between, _DISTANCE_RAMP))
     share = smooth_vertices(mesh, share.reshape(-1, 1), 2)[:, 0]
     if fixed is not None:
         share[fixed] = 0.0
@@ -202,7 +202,7 @@ def _find_other_sides(start, stop, places, points, normals, near, begin, around,
             along = dot(way, n) / length
             if len(ways) > 0 and dot(way, ways[i]) <= 0:
                 continue
-            if dot(way, way) - along * along < _BESIDE:
+            if dot(way, way) - along * along < _LATERAL_SQUARE:
                 least = min(least, abs(along))
         found[i] = least
 

@@ -31,7 +31,7 @@ LOOSE = 0.05
 flat sides near creases, as the first step's minimum does, and further steps would have to undo it.
 """
 
-_TURNING = np.radians(1.0)
+_LEAST_TURN = np.radians(1.0)
 """Further steps are taken around faces that are to turn by more than this."""
 
 _RINGS = 6
@@ -40,10 +40,10 @@ _RINGS = 6
 _INNER = 8
 """Iterations of the inner solve in a further step."""
 
-_EVENED = 6
+_SLIDE_EVERY = 6
 """Vertices of thin faces slide after every so many steps, and after the last."""
 
-_ROUNDS = 8
+_LAST_SLIDES = 8
 """Rounds of sliding after the last step; there is one after others."""
 
 _SETTLED = 1e-2
@@ -52,14 +52,14 @@ _SETTLED = 1e-2
 _STIFF = 1000.0
 """Stiffness against slides across the planes of a vertex's faces, relative to along them."""
 
-_KEPT_SHAPE = 0.1, 0.5
+_SHAPE_RAMP = 0.1, 0.5
 """Ramp of a face's shape (see `_shapes`) over that of the input: below the first value its vertices
 slide fully, above the second not at all."""
 
-_SLIDE = 0.5
+_SLIDE_SHARE = 0.5
 """Share of the way to the mean of its neighbours that a vertex slides in a round."""
 
-_HEIGHT, _LOWER = 0.05, 0.8
+_HEIGHT, _HEIGHT_FACTOR = 0.05, 0.8
 """Least height that a turned-over face is given, relative to its longest edge, and the factor of
 that in each further round."""
 
@@ -73,7 +73,7 @@ _RETREAT = 0.97
 _FOLD = np.cos(np.radians(150.0))
 """Cosine of the angle between the normals at an edge below which its faces are folded."""
 
-_ALIKE = 1e-9
+_EQUAL_LENGTHS = 1e-9
 """Squared lengths are equal if their relative difference is less: it may be rounding."""
 
 _CHUNK = 8192
@@ -139,7 +139,7 @@ def further_steps(
 
 def near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
     """Return 1 at vertices near faces that turn, which take further steps, else 0: (n,)."""
-    turned = (cosines(mesh.normals, normals) < np.cos(_TURNING)) & (mesh.areas > 0)
+    turned = (cosines(mesh.normals, normals) < np.cos(_LEAST_TURN)) & (mesh.areas > 0)
     return dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), _RINGS)
 
 
@@ -183,11 +183,11 @@ def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
             farthest = _of_chunks(_go, direction, length, change, moved, residual).max()
             if farthest < _SETTLED:
                 break
-            if iteration % _EVENED == 0:
+            if iteration % _SLIDE_EVERY == 0:
                 moved = _evened(piece, moved, 1)
                 residual = _downhill(piece, piece.vertices, moved)
                 product = np.inf
-    return _evened(piece, moved, _ROUNDS)
+    return _evened(piece, moved, _LAST_SLIDES)
 
 
 def _downhill(piece: _Piece, vertices: Floats, moved: Floats) -> Floats:
@@ -249,7 +249,7 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
             tell("Faces that stay turned over: {count}.", count=len(bad))
             break
         if attempt < _SLIDES:
-            _give_height(piece, moved, bad, _HEIGHT * _LOWER**attempt)
+            _give_height(piece, moved, bad, _HEIGHT * _HEIGHT_FACTOR**attempt)
         else:
             corners = distinct(piece.faces[bad], len(moved))
             left = _RETREAT if attempt < _SLIDES + _RETREATS else 0.0
@@ -295,7 +295,7 @@ def _give_height(piece: _Piece, moved: Floats, chosen: npt.NDArray[Any], least: 
     x = piece.vertices[faces] + moved[faces]
     edges = np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
     squares = np.einsum("fkx,fkx->fk", edges, edges)
-    longest = squares >= (1.0 - _ALIKE) * squares.max(axis=1, keepdims=True)
+    longest = squares >= (1.0 - _EQUAL_LENGTHS) * squares.max(axis=1, keepdims=True)
     along = np.where(longest, x @ np.array(TIE_BREAKER), -np.inf)
     rows = np.arange(len(x)), along.argmax(axis=1)
     length = np.linalg.norm(edges[rows], axis=1)
@@ -461,7 +461,7 @@ def _even_out(
             f = corners[i] // 3
             if before[f] > 0:
                 worst = min(worst, now[f] / before[f])
-        need = min(max((_KEPT_SHAPE[1] - worst) / (_KEPT_SHAPE[1] - _KEPT_SHAPE[0]), 0.0), 1.0)
+        need = min(max((_SHAPE_RAMP[1] - worst) / (_SHAPE_RAMP[1] - _SHAPE_RAMP[0]), 0.0), 1.0)
         needs[j] = need
         if need == 0:
             continue
@@ -492,7 +492,7 @@ def _even_out(
         xx, yy, zz = 1.0 + s * xx, 1.0 + s * yy, 1.0 + s * zz
         xy, xz, yz = s * xy, s * xz, s * yz
         p, q, r = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-        t = _SLIDE * need / (xx * p + xy * q + xz * r)
+        t = _SLIDE_SHARE * need / (xx * p + xy * q + xz * r)
         slides[j, 0] = t * (p * x + q * y + r * z)
         slides[j, 1] = t * (q * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z)
         slides[j, 2] = t * (r * x + (xy * xz - xx * yz) * y + (xx * yy - xy * xy) * z)

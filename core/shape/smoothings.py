@@ -46,14 +46,14 @@ unit normals, and the numbers of passes."""
 _BY_MEANS = 0.25, 8
 """The same, with the plain means after 3 passes as guide in place of the normals themselves."""
 
-_GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _EACH = 0.3, 0.2, (4, 12), 4
+_GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _PATCH_INTERVAL = 0.3, 0.2, (4, 12), 4
 """Means guided by the most uniform patches: standard deviations in the first and in later stages,
 numbers of passes, and after how many passes the patches are found again."""
 
 _UMBRELLA = 1, 2, 4, 8, 24, 60
 """Numbers of umbrella passes over the vertices."""
 
-_OF_ONE, _OF_TWO = (0.2, (3, 10)), 0.25
+_ALIKE_AFTER_ONE, _GUIDED_AFTER_TWO = (0.2, (3, 10)), 0.25
 """Candidates that combine both: means of similar normals after one umbrella pass, as in `_ALIKE`,
 and guided means after two, as `_GUIDED`."""
 
@@ -66,7 +66,7 @@ _CHANGES = ((0, 1), (1, 2), (2, 3), (3, 4), (0, 6), (6, 8), (8, 4), (10, 11), (1
 _NEXT_CHANGES = (0, 1), (1, 2), (0, 4), (0, 5), (0, 7), (7, 9), (10, 11)
 """Pairs of candidates, by index, whose distances are averaged around a face."""
 
-_LEVEL = 0.02, 0.1
+_SIMILAR = 0.02, 0.1
 """Distances d0 between unit normals: neighbours at distance d count as similar by
 exp(-(d / d0)^2)."""
 
@@ -74,7 +74,7 @@ _NEAR, _WIDE, _CELLS = 3, 20, 12.0
 """The three scales of the features: averaging passes for the near and the wide one, and the size of
 grid cells, in mean edge lengths, for the one of the region."""
 
-_FACE_MEASURES = len(_LEVEL) + 4
+_FACE_MEASURES = len(_SIMILAR) + 4
 _AROUND, _NEXT_AROUND = len(_CHANGES) + _FACE_MEASURES + len(_BANDS), len(_NEXT_CHANGES)
 
 TOLD = pair_count(FIRST) + 3 * _AROUND
@@ -82,8 +82,9 @@ NEXT_TOLD = pair_count(NEXT) + 3 * (_AROUND + _NEXT_AROUND)
 """Number of features of a face: first stage, and later stages."""
 
 DEFINITION = digest("smoothings 1", repr((_PLAIN, _NEXT_PLAIN, _ALIKE, _NEXT_ALIKE, _BY_MEANS,
-    _GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _EACH, _UMBRELLA, _OF_ONE, _OF_TWO, _BANDS, _CHANGES,
-    _NEXT_CHANGES, _LEVEL, _NEAR, _WIDE, _CELLS)))  # fmt: skip
+    _GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _PATCH_INTERVAL, _UMBRELLA, _ALIKE_AFTER_ONE,
+    _GUIDED_AFTER_TWO, _BANDS, _CHANGES, _NEXT_CHANGES, _SIMILAR, _NEAR, _WIDE,
+    _CELLS)))  # fmt: skip
 """Digest of what the features mean. When a change of the code changes them, raise the number in the
 first text."""
 
@@ -96,7 +97,7 @@ _SHRUNK = 1e-9
 _PULL, _ROUNDING = np.float32(0.3), np.float32(1e-6)
 """As in `sides`, but in single precision."""
 
-_BUMP_PASSES, _BY_WIDTH, _FURTHER = 2.0, 1.5, 2.0
+_BUMP_PASSES, _WIDTH_POWER, _FURTHER_FACTOR = 2.0, 1.5, 2.0
 """Averaging passes for bumps of width w, in mean edge lengths, are the first number times w to the
 power of the second. Diffusion would need the power 2, but would remove more relief. Then as many
 passes follow times the third; they count where there is no relief."""
@@ -104,13 +105,13 @@ passes follow times the third; they count where there is no relief."""
 _BUMP_SPREAD = 0.35
 """Standard deviation of the guided mean's Gaussian weight, as a distance between unit normals."""
 
-_LEFT = 0.1
+_LEFTOVER = 0.1
 """On bumps, the squared turn by the further passes, over that by the first ones."""
 
 _BUMP_REGION = 4.0
 """Size of the grid cells in which squared turns are averaged, over the width of bumps."""
 
-_PASSES_OF_CREASES, _CRISP = 4, 0.15
+_PASSES_OF_CREASES, _CRISP_SPREAD = 4, 0.15
 """Passes that round or sharpen creases; and, to sharpen, the standard deviation of the guided
 mean's Gaussian weight."""
 
@@ -163,8 +164,8 @@ def first_smoothings(mesh: TriangleMesh) -> Smoothings:
         one, two, four, eight, most = (next(states) for _ in range(5))
         for each in (one, two, four):
             into.keep(each)
-        faces.alike(one, *_OF_ONE, into)
-        faces.guided(two, _OF_TWO, into)
+        faces.alike(one, *_ALIKE_AFTER_ONE, into)
+        faces.guided(two, _GUIDED_AFTER_TWO, into)
         into.keep(eight)
         into.keep(most)
         next(states)
@@ -172,7 +173,7 @@ def first_smoothings(mesh: TriangleMesh) -> Smoothings:
         signal = np.empty((mesh.face_count, len(_CHANGES) + _FACE_MEASURES), dtype=np.float32)
         run(_measure_changes, mesh.face_count, found, np.array(_CHANGES), signal)
         run(_measure_faces, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, field,
-            np.array(_LEVEL), signal[:, len(_CHANGES) :])  # fmt: skip
+            np.array(_SIMILAR), signal[:, len(_CHANGES) :])  # fmt: skip
         return Smoothings(found, _around(mesh, signal, heights))
 
 
@@ -224,15 +225,15 @@ def without_bumps(mesh: TriangleMesh, width: float) -> Floats:
     first ones changed. Where they change more, they remove relief: then the result of the first
     passes is mixed in, by the weight of a Wiener filter.
     """
-    passes = _BUMP_PASSES * width**_BY_WIDTH
+    passes = _BUMP_PASSES * width**_WIDTH_POWER
     faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
-    with phase(0.0, 1.0 / (1.0 + _FURTHER), _MESSAGE):
+    with phase(0.0, 1.0 / (1.0 + _FURTHER_FACTOR), _MESSAGE):
         near = faces.levelled(field, _BUMP_SPREAD, passes)
-    with phase(1.0 / (1.0 + _FURTHER), 1.0, _MESSAGE):
-        far = faces.levelled(near, _BUMP_SPREAD, _FURTHER * passes)
+    with phase(1.0 / (1.0 + _FURTHER_FACTOR), 1.0, _MESSAGE):
+        far = faces.levelled(near, _BUMP_SPREAD, _FURTHER_FACTOR * passes)
     turns = np.stack([_squares(field, near), _squares(near, far)], axis=1)
     first, further = _regional(mesh, turns, _BUMP_REGION * max(width, 1.0)).T
-    relief = np.maximum(1.0 - _LEFT * first / np.maximum(further, 1e-12), 0.0)
+    relief = np.maximum(1.0 - _LEFTOVER * first / np.maximum(further, 1e-12), 0.0)
     return _between(far, near, relief[:, None])[:, :3].astype(np.float64)
 
 
@@ -241,7 +242,7 @@ def with_creases(mesh: TriangleMesh, normals: Floats, keep: float) -> Floats:
     faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
     field[:, :3] = normals
     guide = None if keep < 0.5 else faces.even(field)
-    other = _averaged(faces, field, guide, _CRISP, _PASSES_OF_CREASES)
+    other = _averaged(faces, field, guide, _CRISP_SPREAD, _PASSES_OF_CREASES)
     return _between(field, other, abs(2.0 * keep - 1.0))[:, :3].astype(np.float64)
 
 
@@ -340,9 +341,9 @@ class _Faces:
         done = 0
         while done < _GUIDED_PASSES[-1]:
             guide = self.even(field)
-            for _ in range(_EACH):
+            for _ in range(_PATCH_INTERVAL):
                 field = self.mean(field, guide, spread)
-            done += _EACH
+            done += _PATCH_INTERVAL
             if done in _GUIDED_PASSES:
                 into.keep(field)
 
@@ -350,9 +351,9 @@ class _Faces:
         """Average a field as `guided` does, by any number of passes, also a fractional one."""
         done = 0
         while done < passes:
-            left = min(passes - done, _EACH)
+            left = min(passes - done, _PATCH_INTERVAL)
             field = _averaged(self, field, self.even(field), spread, left)
-            done += _EACH
+            done += _PATCH_INTERVAL
         return field
 
     def mean(self, field: Singles, guide: Singles | None, spread: float) -> Singles:
