@@ -22,11 +22,11 @@ _REACH = 2.0
 _AROUND = 5.0
 """Radius over which errors are averaged, in distances between places."""
 
-_CAUTION = 4.0
+_LOSS_FACTOR = 4.0
 """Factor of the squared difference to the next smaller radius, which underestimates the detail that
 is lost."""
 
-_SHARPNESS = 2.0
+_WEIGHT_POWER = 2.0
 """Weights of radii are the inverse of their squared errors to this power."""
 
 _LEAST_COSINE = 0.5
@@ -128,8 +128,8 @@ def _mixed(tried: _Single, errors: _Single) -> _Single:
     every = errors.reshape(len(tried), -1, count)
     squares = every[:, _STEPS:] + np.float32(1e-12)
     lost = np.minimum.accumulate(np.maximum(every[:, :_STEPS], 0.0), axis=1)
-    squares[:, :_STEPS] += np.float32(_CAUTION) * lost
-    weights = (squares.min(axis=1, keepdims=True) / squares) ** np.float32(_SHARPNESS)
+    squares[:, :_STEPS] += np.float32(_LOSS_FACTOR) * lost
+    weights = (squares.min(axis=1, keepdims=True) / squares) ** np.float32(_WEIGHT_POWER)
     weights /= weights.sum(axis=1, keepdims=True)
     means = 0.5 * (tried[..., :count] + tried[..., count:])
     mixed: _Single = (weights * means).sum(axis=1)

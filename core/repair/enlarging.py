@@ -23,14 +23,14 @@ _AROUND = 16
 _SAMPLE = 1 << 15
 """Number of texels away from charts, about, from which the background is measured."""
 
-_MOST = 0.75
+_NOISE_QUANTILE = 0.75
 """Quantile of their differences from the median that counts as the noise of the background."""
 
-_UNEVEN = 0.02, 0.06
+_NOISE_RAMP = 0.02, 0.06
 """Ramp of that noise, for white = 1: below the first value there is a plain background, above the
 second there is none."""
 
-_DIFFERENT = 1 / 255, 6 / 255
+_DIFFERENCE_RAMP = 1 / 255, 6 / 255
 """Ramp of the difference between a texel and the background, minus twice the noise: below the first
 value the texel is background, above the second it is painted."""
 
@@ -161,10 +161,10 @@ def _painted(atlas: TextureAtlas, pixels: npt.NDArray) -> Singles:
     scale = np.float32(SCALES[pixels.dtype.name])
     far = far[:: -(-len(far) // _SAMPLE)] * scale
     background = np.median(far, axis=0)
-    noise = float(np.quantile(np.abs(far - background).max(axis=1), _MOST))
-    plain = 1.0 - _rise(np.asarray(noise), _UNEVEN)
+    noise = float(np.quantile(np.abs(far - background).max(axis=1), _NOISE_QUANTILE))
+    plain = 1.0 - _rise(np.asarray(noise), _NOISE_RAMP)
     away = np.abs(pixels * scale - background).max(axis=2)
-    differs = _rise(away - 2.0 * noise, _DIFFERENT)
+    differs = _rise(away - 2.0 * noise, _DIFFERENCE_RAMP)
     return np.where(beside, plain * differs + (1.0 - plain) * active, 0.0).astype(np.float32)
 
 

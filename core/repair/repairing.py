@@ -65,7 +65,7 @@ _WIDE, _GRADIENT = 8.0, 14.0
 """Ramp of the same width: from full sharpening down to none, for gradients that are not borders."""
 
 
-_TAKEN = 0.75
+_SHARPENING_WEIGHT = 0.75
 """Weight of the sharpening. Painted textures are rarely as crisp as texels allow, so a little of
 their softness brings them nearer to the original. Crisp ones lose a fifth of the gain."""
 
@@ -402,7 +402,9 @@ def _finished(
         with phase(0.0, 0.9, "Sharpening"):
             sharp = sharpen_texture(mesh, uv, image, TextureSettings(**words), atlas=atlas)
             old, new = _in_singles(image, sharp)
-            shares = np.float32(_TAKEN * amount) * against_contrast(atlas.inside, old, new - old)
+            shares = np.float32(_SHARPENING_WEIGHT * amount) * against_contrast(
+                atlas.inside, old, new - old
+            )
             shares *= beside_seams(_with_seams(atlas, image, settings))
             image = _mixed(image, sharp, shares, settings)
     with phase(0.9, 1.0, "Filling the gutter"):

@@ -14,10 +14,10 @@ from ..elements.matrices import TextureSpace
 
 _Single = npt.NDArray[np.float32]
 
-_ALIKE = 0.2
+_COMMON_WEIGHT = 0.2
 """Weight of the residual with one offset, or one factor, for all channels."""
 
-_DOUBT = 1.05, 1.1
+_RESIDUAL_RAMP = 1.05, 1.1
 """Ramp of the residual by factors over that by offsets: up to the first value factors are taken,
 because they are more usual, from the second on offsets."""
 
@@ -59,15 +59,15 @@ def share_of_factors(
         a, b = np.maximum(one, 0.0) + floor, np.maximum(other, 0.0) + floor
         channels = [(a[:, k], b[:, k], group) for k in range(a.shape[1])]
         alike = a.T.reshape(-1), b.T.reshape(-1), np.tile(group, a.shape[1])
-        for pairs, weight in (*((each, 1.0) for each in channels), (alike, _ALIKE)):
+        for pairs, weight in (*((each, 1.0) for each in channels), (alike, _COMMON_WEIGHT)):
             left = _unexplained(*pairs)
             by_offsets += weight * left[0]
             by_factors += weight * left[1]
-        rounding += (1.0 + _ALIKE) * floor * a.size
+        rounding += (1.0 + _COMMON_WEIGHT) * floor * a.size
     if not by_offsets > _EXACT * rounding:
         return 0.0
     times = (by_factors + rounding) / (by_offsets + rounding)
-    return min(max((_DOUBT[1] - times) / (_DOUBT[1] - _DOUBT[0]), 0.0), 1.0)
+    return min(max((_RESIDUAL_RAMP[1] - times) / (_RESIDUAL_RAMP[1] - _RESIDUAL_RAMP[0]), 0.0), 1.0)
 
 
 def _unexplained(a: Floats, b: Floats, group: npt.NDArray[np.intp]) -> tuple[float, float]:

@@ -31,7 +31,7 @@ _LONG = 160.0
 _FAINT = 0.04
 """Contrast of detail, relative to that of all seams, that counts as chance."""
 
-_AGREES = 0.6, 0.95
+_AGREEMENT_RAMP = 0.6, 0.95
 """Ramp of the share of detail that agrees: up to the first value both sides are different
 materials, from the second on the same."""
 
@@ -139,7 +139,9 @@ def _same_material(
     own = np.maximum(total - common - chance, 0.0) + (chance - light)
     agreeing = np.maximum(common, 0.0) + light
     share = agreeing / (own + agreeing + _NOTHING)
-    return np.clip((share - _AGREES[0]) / (_AGREES[1] - _AGREES[0]), 0.0, 1.0)[:, None]
+    return np.clip(
+        (share - _AGREEMENT_RAMP[0]) / (_AGREEMENT_RAMP[1] - _AGREEMENT_RAMP[0]), 0.0, 1.0
+    )[:, None]
 
 
 def _looks_like_light(one: Floats, two: Floats) -> Floats:
