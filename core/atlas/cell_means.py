@@ -254,7 +254,7 @@ def _find_parents(starts, labels, coarse_starts, coarse_labels, across, wide, ra
 
 @kernel
 def _contacts(owners, beyond):
-    # Pairs of squares whose nodes are next to each other; ghosts count as what lies beyond.
+    # Pairs of squares whose nodes are adjacent; a ghost stands for the node across the seam.
     rows, columns = owners.shape
     count = 0
     for once in range(2):

@@ -364,7 +364,7 @@ def walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, rotation):
 @kernel
 def _shorter(twins, jacobians, edge, dy, dx):
     # The factor of a step over a half-edge: where one texel covers many beyond the seam, for
-    # example beside slivers in the texture, the step must not skip what lies at the seam.
+    # example beside slivers in the texture, the step must not skip the texels at the seam.
     f = edge // 3
     g = twins[f, edge - 3 * f] // 3
     if g < 0:
@@ -431,7 +431,7 @@ def _find_chained(start, stop, nodes, cells, chained):
 
 @kernel
 def _find_reads(start, stop, which, nodes, sources, known, corners, weights):
-    # As `_add_nodes`; what counts for nothing has the weight 0, and the place of what counts.
+    # As `_add_nodes`; unused nodes have the weight 0 and the place of a used one.
     flat, columns = nodes.reshape(-1), nodes.shape[1]
     cells, places, _ = sources
     for n in range(start, stop):

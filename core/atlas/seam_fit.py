@@ -77,7 +77,7 @@ class SeamFit:
     def apply(self, values: npt.NDArray[np.float32], step: float) -> None:
         """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
-        Visible values on the charts stay in the range of what is read along the seam there, and no
+        Visible values on the charts stay in the range of values along the seam there, and no
         value leaves the range of the texture. Results will be rounded to multiples of `step`
         (0 for floats), which gives at least that much freedom where values are equal.
         """

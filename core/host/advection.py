@@ -52,7 +52,7 @@ class FlowSurface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape[0] * self.shape[1]
 
 
@@ -70,7 +70,7 @@ class FlowPlane:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape[0] * self.shape[1]
 
 

@@ -57,7 +57,7 @@ class FieldSurface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape[0] * self.shape[1]
 
 
@@ -229,7 +229,7 @@ class BakeSurface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape[0] * self.shape[1]
 
 

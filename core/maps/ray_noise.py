@@ -236,7 +236,7 @@ def _average(start, stop, tree, normals, spacings, radius, values, out):
 @kernel
 def _fit(start, stop, tree, normals, spacings, radius, values, out):
     # Values of linear fits at each place, (n, radii, c), from the largest radius down by halves;
-    # within the range of what is near, so that what is all black or white stays so.
+    # clipped to the range of near values, so that black and white areas stay so.
     stack, found = np.empty((128, 2), np.int64), np.empty(_MOST, np.int64)
     points, columns, steps = tree.points, values.shape[1], out.shape[1] - 1
     matrices = np.empty((steps, _TERMS))

@@ -142,7 +142,7 @@ def _summed(groups: Ints, rows: npt.NDArray, count: int) -> Floats:
 
 
 def _averaged(groups: Ints, masses: Floats, held: Floats, places: Floats) -> Floats:
-    # Places of what has no mass count alike.
+    # Vertices without mass have equal weights.
     alike = _summed(groups, np.ones(len(groups)), len(held))
     out = np.empty((len(held), places.shape[1]))
     for x in range(places.shape[1]):

@@ -244,7 +244,7 @@ def first_hit(tree, ox, oy, oz, dx, dy, dz, limit, any_hit, stack):
             leaves = min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * np.float32(1.000001)
             if enters <= leaves and enters < nearest:
                 if side == 1 and top > 0 and near < enters:
-                    # The nearer part is looked at first.
+                    # The nearer part is searched first.
                     stack[top] = stack[top - 1]
                     stack[top - 1] = part
                 else:

@@ -60,12 +60,12 @@ _NOISE = 0.25
 
 
 class Compression(NamedTuple):
-    """What is known of a picture's compression.
+    """The compression of a picture.
 
     Attributes
     ----------
     quality : float
-        From 1 to 100, as in most encoders; by which their table is scaled.
+        From 1 to 100, as in most encoders, which scale their table by it.
     offset : (int, int)
         Row and column of the first whole block.
     times : int

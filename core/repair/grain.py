@@ -79,7 +79,7 @@ def _axes(count: int) -> Singles:
 
 
 def _energies(surface: Surface, band: Singles, known: Singles) -> Singles:
-    # How strong a band is around each node: (c, rows, columns).
+    # The energy of a band around each node: (c, rows, columns).
     logarithms = np.log(np.maximum(band**2, _FLOOR)) * known
     means = surface.means.means(np.concatenate([logarithms, known[None]]))
     anywhere = means.mean(axis=2, keepdims=True, dtype=np.float64)

@@ -294,7 +294,7 @@ def _mark_parts(start, stop, parts, known, sourced):
 
 @kernel
 def _keep_unknowns(start, stop, whole, unknown, kept, stencil, labels, screen):
-    # Couplings with what is known are part of the diagonal.
+    # Couplings with known nodes are part of the diagonal.
     columns = kept.shape[1]
     for y in range(start, stop):
         for x in range(columns):

@@ -66,12 +66,12 @@ def missing_texels(
     missing
         As in `fill_texture`.
     settings : FillSettings
-        Its `find` says what counts if nothing is given.
+        Its `find` says how missing texels are found if `missing` is None.
 
     Raises
     ------
     InvalidSignal
-        If what is given does not fit.
+        If `missing` does not fit the image.
     """
     weights: npt.NDArray | None = None
     if missing is not None:

@@ -294,7 +294,7 @@ def _gather(
 
 @kernel
 def _measure_heights(start, stop, places, signal, near, far, heights):
-    # How far smoothing moves each vertex along its normal, in mean edge lengths.
+    # The distance by which smoothing moves each vertex along its normal, in mean edge lengths.
     for v in range(start, stop):
         n = signal[v]
         length = max(np.sqrt(dot(n, n)), 1e-12)

@@ -58,8 +58,8 @@ _AHEAD_COSINE = 0.35
 """Least cosine of the angle by which a line turns where it is continued."""
 
 _FIRST_PRUNING = 3, 1
-"""Lines are removed at first if they have at most so many edges: lines that end at another one, and
-lines with two loose ends."""
+"""Most edges of lines that are removed at first: of lines that end at another one, and of lines
+with two loose ends."""
 
 _LAST_PRUNING = 3, 5
 """The same after lines have been continued and joined."""

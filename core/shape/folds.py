@@ -49,8 +49,8 @@ _SLIDES = 4
 """Slides in each round."""
 
 _MOVE_RINGS, _MOVE_FACTOR = 2, 2.0
-"""A sliding vertex may end this factor (second) times as far from its input position as any vertex
-within so many rings (first) had moved: small moves undo the folds of small moves."""
+"""Limit of a sliding vertex's distance from its input position: the longest move within this number
+of rings (first), times a factor (second). Small moves suffice to undo the folds of small moves."""
 
 _AVERAGING_ROUNDS = 8
 """Rounds in which vertices take over the mean displacement of their neighbours."""

@@ -57,7 +57,8 @@ _TURN_WEIGHT = 1.0
 face of a sample is chosen."""
 
 _SIMILAR = 0.01
-"""1 - cos of the turn below which a sample takes a face at once, if it projects into it."""
+"""1 - cos of the turn below which a sample takes a face without further search, if it projects
+into it."""
 
 _LEAST_COSINE = 0.5
 """Least cosine between a new face and the mean normal of its samples."""

@@ -41,10 +41,10 @@ _INNER = 8
 """Iterations of the inner solve in a further step."""
 
 _SLIDE_EVERY = 6
-"""Vertices of thin faces slide after every so many steps, and after the last."""
+"""Number of steps between two rounds in which vertices of thin faces slide."""
 
 _LAST_SLIDES = 8
-"""Rounds of sliding after the last step; there is one after others."""
+"""Rounds of sliding after the last step."""
 
 _SETTLED = 1e-2
 """Steps end once one moves no coordinate by this much, in mean edge lengths."""

@@ -140,7 +140,7 @@ def _hang_in(start, stop, graph):
 
 @kernel
 def _hang(degrees, heads, after, before, i):
-    # At the front: what has just changed is eliminated next, which keeps to one place.
+    # At the front: unknowns that have just changed are eliminated next, which keeps memory local.
     head = heads[degrees[i]]
     after[i] = head
     before[i] = -1
@@ -220,7 +220,7 @@ def _measure_outside(graph, pivot, number, listed):
 
 @kernel
 def _update(graph, pivot, number, most, listed):
-    # Lists and degrees of the unknowns on the newest element, which replaces what it covers.
+    # Lists and degrees of the unknowns on the newest element, which replaces those it covers.
     lists, starts, elements, lengths = graph.lists, graph.start, graph.elements, graph.lengths
     absorbed, outside, marks, degrees = graph.absorbed, graph.outside, graph.marks, graph.degrees
     heads, after, before = graph.heads, graph.after, graph.before

@@ -33,7 +33,7 @@ _SQUARE = 128
 def are_learned(settings: TextureSettings, normals: bool) -> bool:
     """Return whether texels are sharpened by the learned recipe.
 
-    They are not if they are normals, or if a time or What is given.
+    This is not done for normals, nor if a time or What is given.
     """
     return settings.by_width and settings.what == "auto" and not normals
 

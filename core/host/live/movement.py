@@ -2,7 +2,7 @@
 """Movements of vertices that a host program adds to a mesh, and marks that tell if they still fit.
 
 A host keeps these arrays with the mesh, so that they follow its vertices and edges through edits:
-new elements get other values, or none. `is_fitting` is what nodes in the host compute, too.
+new elements get other values, or none. Nodes in the host compute the same as `is_fitting`.
 """
 
 from __future__ import annotations
