@@ -111,7 +111,7 @@ def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasM
 
 
 def _slivers(mesh: TriangleMesh) -> npt.NDArray[np.bool_]:
-    # Faces whose corners lie on a line but for rounding, as where polygons have points on straight
+    # Faces whose corners lie on a line up to rounding, as where polygons have points on straight
     # borders: their measurements would be noise, and have more weight than all others.
     longest = np.zeros(mesh.face_count)
     for k in range(3):

@@ -193,7 +193,7 @@ class WorldMesh:
     positions : (n, 3) float64
     triangles : (m, 3) int
     colors : (n, c) float64 or None
-        Of the vertices.
+        Colors of the vertices.
     """
 
     positions: npt.NDArray[np.float64]

@@ -122,7 +122,7 @@ class ColoredSurface(Surface):
     Attributes
     ----------
     colors : (k, 3) float32
-        Of the vertices, or of the face corners if `corners` is given.
+        Colors of the vertices, or of the face corners if `corners` is given.
     corners : (m, 3) int32 or None
         The face corner of each corner of the triangles.
     free : (k,) bool or None

@@ -191,7 +191,7 @@ def _tensors(found: Curvatures) -> Floats:
 
 
 def _shown(values: _Single, atlas: TextureAtlas, settings: CurvatureSettings) -> _Single:
-    # On the sheet.
+    # Values at the nodes of the sheet.
     is_sided = settings.kind in ("convex", "cavity")
     if is_sided:
         values = np.maximum(values, np.float32(0.0))

@@ -225,7 +225,7 @@ def _conduct(start, stop, begin, others, lengths, middles, weights):
 
 @kernel
 def _read(first, last, places, units, owners, begin, others, middles, means, out):
-    # Of as many vertices as its caller takes between two questions.
+    # Used for as many vertices as the caller takes between two checks for cancelling.
     count = means.shape[1]
     sums = np.empty(count, np.float32)
     for v in range(first, last):

@@ -35,7 +35,7 @@ class Boxes(NamedTuple):
     Attributes
     ----------
     boxes : (k, 12) float32
-        Of each node, the lowest and the highest corner of both parts.
+        For each node, the lowest and the highest corner of both parts.
     parts : (k, 2) int32
         The node of each part; for a leaf -1 - (16 first + count), triangles in `triangles`.
     triangles : (m, 9) float32
@@ -191,7 +191,7 @@ def first_hit(tree, ox, oy, oz, dx, dy, dz, limit, any_hit, stack):
     limit : float32
         In lengths of the direction.
     any_hit : bool
-        Whether any triangle will do, and not the first one alone.
+        Whether to return any triangle along the ray, not necessarily the first.
     stack : (STACK,) int32
         Overwritten.
     """

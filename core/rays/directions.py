@@ -110,7 +110,7 @@ def ray_of(points, rays, turn, i):
     Parameters
     ----------
     points : (k, 2) uint32
-        Those of `ray_points`.
+        The result of `ray_points`.
     rays : int
     turn : int64
         The position of the place on the curve.

@@ -59,7 +59,7 @@ def enlarge_texture(
     Returns
     -------
     (factor * h, factor * w) or (factor * h, factor * w, c) array
-        Of the type of the image. Normals have unit length.
+        An image of the same type. Normals have unit length.
 
     Raises
     ------

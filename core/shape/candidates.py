@@ -42,8 +42,8 @@ LONGER = 8.0
 
 _STILL_COSINE = np.cos(np.radians(5.0))
 """Cosine of 5 degrees. A face keeps its normal if within two rings neither a flow nor the mean
-after 2 passes turns a face by more. With a gate, which sees only faces that turn by more, within
-one ring of those it lets pass."""
+after 2 passes turns a face by more. A gate scores only the faces that turn by more; then faces
+within one ring of those it passes may turn too."""
 
 _PASSES = 2, 8
 """Smoothing passes of the second and third mean, and of the heights."""

@@ -96,7 +96,7 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1, enlarg
     ----------
     what : str
     width : float
-        Of the borders, from 10 to 90 percent.
+        Width of the borders, from 10 to 90 percent.
     noise : float
         Standard deviation of the signal's noise.
     passes : int
