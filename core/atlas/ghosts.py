@@ -118,12 +118,12 @@ class GhostReads(NamedTuple):
     ghosts : (n,) int32
         Row times columns plus column of the ghosts that receive a value.
     corners : (n, 4) int32
-        The same of the nodes that each reads.
+        The same index for the four nodes that each ghost reads.
     weights : (n, 4) float64
     totals : (n,) float64
         The sums of the weights.
     rounds : (_ROUNDS + 1,) int64
-        Where rounds begin in these, and the last one ends.
+        Where the ghosts of each round begin in these arrays, and where the last round ends.
     """
 
     ghosts: Ints

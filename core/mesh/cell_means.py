@@ -204,7 +204,7 @@ def _flood(start, stop, begin, others, keys, part, number, queue):
 
 @kernel
 def _measure(start, stop, vertices, ring_start, ring, weights, lengths):
-    # What each edge conducts, times its length.
+    # The conductance of each edge times its length.
     for v in range(start, stop):
         for i in range(ring_start[v], ring_start[v + 1]):
             total = 0.0

@@ -31,7 +31,7 @@ def share_of_first(texture: Texture, first: npt.NDArray, second: npt.NDArray) ->
     texture : Texture
         Its pixels are not used. Differences do not reach across seams that its atlas closes.
     first, second : (h, w, c) array
-        Of the same type.
+        Both pictures, of the same type.
 
     Returns
     -------

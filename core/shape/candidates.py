@@ -7,8 +7,8 @@ ones after `sides` has assigned the face to one side of the crease. The features
 between all pairs of candidates, how far smoothing would move the surface and in which direction,
 and means of such measures around the face, at three scales.
 
-A smaller network, the gate, sees the features of the first six candidates only. It decides which
-faces may turn at all; the last three candidates are computed for these alone.
+A smaller network, the gate, sees only the features that need no more than the first six candidates.
+It decides which faces may turn at all; the last three candidates are computed for these alone.
 """
 
 from __future__ import annotations

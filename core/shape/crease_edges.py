@@ -45,11 +45,11 @@ _TURNED_COSINE = np.cos(np.radians(2.0))
 their targets by more, or that share a vertex with such faces."""
 
 _SLIVER = 0.035
-"""They are also merged if their area is below this share of their squared perimeter."""
+"""Small regions are also merged if their area is below this share of their squared perimeter."""
 
 _LARGEST_SHARE = 0.25
-"""But none whose area is more than this share of the region it would join: on coarse meshes, single
-faces are regions."""
+"""No region is merged whose area is more than this share of the region it would join: on coarse
+meshes, single faces are regions."""
 
 _ROUNDS = 3
 """Rounds of merging: a region may be merged with one that is small too."""
