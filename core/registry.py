@@ -736,7 +736,7 @@ def find(name: str) -> Filter:
 
 
 def public_names() -> dict[str, str]:
-    """Give the module inside `core` of each of its public names."""
+    """Return the module inside `core` of each public name."""
     names = {name: module for module, given in OTHERS.items() for name in given}
     for row in FILTERS:
         names[row.name] = row.module
@@ -753,7 +753,7 @@ def kernel_modules() -> list[str]:
 
 
 def _with_mask_as(function: Any, name: str) -> Any:
-    # A mask says what is missing, rather than where a change is taken.
+    # The mask says which texels are missing, not where the result is taken.
     return lambda *data, mask=None, **words: function(*data, **{name: mask}, **words)
 
 

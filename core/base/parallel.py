@@ -123,7 +123,7 @@ def beside() -> Iterator[Callable[..., Future[Any]]]:
 
 
 _PATIENCE = 0.05
-"""Seconds between two questions while others work."""
+"""Seconds between two checks for cancelling while other threads work."""
 
 
 def run(
