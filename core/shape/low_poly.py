@@ -4,8 +4,8 @@
 Edges collapse in the order of their cost, to the point of least quadric error (Garland and
 Heckbert: Surface Simplification Using Quadric Error Metrics, SIGGRAPH 1997). Not in the papers:
 each face keeps samples, the vertices and face normals of the sharpened mesh that it represents. An
-edge does not collapse if that would leave a sample too far from the surface, or turn the surface
-too much from the normals of the samples.
+edge does not collapse if that would leave a sample too far from the surface, turn the surface too
+much from the normals of the samples, or make a face that spans a gap.
 """
 
 from __future__ import annotations
@@ -68,6 +68,10 @@ _LEAST_SHAPE = 2e-3
 
 _MOST_MOVE = 2.0
 """The farthest that a vertex moves, in mean edge lengths."""
+
+_LARGE_AREA, _COVER_FACTOR = 2.0, 1.5
+"""A new face of more than this area, in squared edge lengths, is checked not to span a gap: points
+on it may be as far from the surface as vertices along creases may, times the factor."""
 
 _HOLD = 1e-3
 """Weight, relative to the trace of a quadric, of a term that holds the new vertex in directions
@@ -300,6 +304,11 @@ def _dissolved(
     weights = np.concatenate([np.zeros(count), areas])
     away, along = allowed
     most = np.concatenate([np.where(near, along, away), away[faces].min(axis=1)]) ** 2
+    triangles = points[faces]
+    # No point of a face is farther from its middle than its farthest corner.
+    radii = np.linalg.norm(triangles - samples[count:, None], axis=2).max(axis=1)
+    near_enough = _COVER_FACTOR * along[faces].max(axis=1)
+    reach = np.column_stack([radii + near_enough, near_enough]) ** 2
     sums = np.column_stack([normals, off]) * areas[:, None]
     quadrics = np.zeros((count, 4, 4))
     _add_planes(points, faces, normals, areas * _share(mesh, held | sharp), held, quadrics)
@@ -307,7 +316,8 @@ def _dissolved(
     sources = _sectors(mesh.twins, held) << 32 | _sectors(mesh.twins, held | sharp)
     alive = np.ones(mesh.face_count, dtype=bool)
     state = (points, home, faces, first, following, alive, held, _lines_at(faces, held, count),
-             sources, quadrics, samples, wanted, weights, most, *lists, sums)  # fmt: skip
+             sources, quadrics, samples, wanted, weights, most, triangles, mesh.normals, reach,
+             *lists, sums)  # fmt: skip
     changed, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     tried = np.full(faces.size, -1)
     found = np.empty((len(samples), 2), dtype=np.int32)
@@ -618,9 +628,55 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, most, first
 
 
 @kernel
+def _is_near(p, face, count, vertices, triangles, normals, reach, found):
+    # Whether a point lies near one of the old faces; those whose samples a new face has come first.
+    for others in range(2):
+        for j in range(count):
+            f = found[j, 0] - vertices
+            if f < 0 or (found[j, 1] == face) == (others == 1):
+                continue
+            a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+            x = p[0] - (a[0] + b[0] + c[0]) / 3.0
+            y = p[1] - (a[1] + b[1] + c[1]) / 3.0
+            z = p[2] - (a[2] + b[2] + c[2]) / 3.0
+            if x * x + y * y + z * z <= reach[f, 0]:
+                n = normals[f, 0], normals[f, 1], normals[f, 2]
+                height = n[0] * x + n[1] * y + n[2] * z
+                if _distance2(p, triangles[f], n, height) <= reach[f, 1]:
+                    return True
+    return False
+
+
+@kernel
+def _is_covered(size, count, corners, vertices, triangles, normals, reach, found):
+    # Whether no large new face spans a gap: the middles of n x n equal triangles of each lie near
+    # the old faces.
+    for i in range(size):
+        a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
+        _, _, double = _shape(a, b, c)
+        if double < 2.0 * _LARGE_AREA:
+            continue
+        n = 2 + (double > 8.0 * _LARGE_AREA) + (double > 32.0 * _LARGE_AREA)
+        for row in range(n):
+            for column in range(2 * (n - row) - 1):
+                up = column % 2
+                x = (row + (1.0 + up) / 3.0) / n
+                y = (column // 2 + (1.0 + up) / 3.0) / n
+                z = 1.0 - x - y
+                p = (
+                    x * a[0] + y * b[0] + z * c[0],
+                    x * a[1] + y * b[1] + z * c[1],
+                    x * a[2] + y * b[2] + z * c[2],
+                )
+                if not _is_near(p, i, count, vertices, triangles, normals, reach, found):
+                    return False
+    return True
+
+
+@kernel
 def _collapse(points, home, faces, first, following, alive, held, lines, sources, quadrics,
-              samples, wanted, areas, most, first_sample, next_sample, sums, changed, tried, seen,
-              found, budget, worse):  # fmt: skip
+              samples, wanted, areas, most, triangles, normals, reach, first_sample, next_sample,
+              sums, changed, tried, seen, found, budget, worse):  # fmt: skip
     # Collapses up to `budget` edges, the cheapest first; returns how many.
     q, q2 = np.empty((4, 4)), np.empty((4, 4))
     fan, corners, new = np.empty(512, np.int32), np.empty((512, 3, 3)), np.empty((512, 3))
@@ -663,6 +719,8 @@ def _collapse(points, home, faces, first, following, alive, held, lines, sources
             if i < size:
                 change += tally[i, 3]
         if change > 0.0:
+            continue
+        if not _is_covered(size, count, corners, len(home), triangles, normals, reach, found):
             continue
         if not _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
             continue
