@@ -36,6 +36,7 @@ from ..mixture.network import Network, Singles, load
 from ..settings import GeometrySettings
 from .candidates import DEFINITION, TAKES_SIDES, Candidates, find_candidates, flow_key
 from .crease_edges import even_share
+from .noise import size_ramp
 
 WEIGHTS = Path(__file__).with_name("creases.npz")
 
@@ -44,6 +45,10 @@ _TURN_RAMP = 2.5, 6.0
 it stay, above the second they turn fully."""
 
 _TURNED_COSINE = np.cos(np.radians(_TURN_RAMP[1]))
+
+_FEWEST = 16, 32
+"""Ramp of the number of faces of a connected component: one of fewer has no rounded creases, and
+the networks were trained on meshes of at least 24 faces."""
 
 _RINGS = 3
 """Number of rings around turning faces in which faces turn too."""
@@ -206,7 +211,7 @@ def _taken(
     run(_measure_turns, len(rows), rows, mesh.normals, normals, _TURN_RAMP, turned)
     seed = greatest_to_vertices(mesh, turned)
     near = smooth_vertices(mesh, dilation(mesh, seed, _RINGS).reshape(-1, 1), 2)
-    shares = average_to_faces(mesh, near).reshape(-1)
+    shares = average_to_faces(mesh, near).reshape(-1) * size_ramp(mesh, _FEWEST)
     taken, mixed = np.zeros(mesh.face_count), mesh.normals.copy()
     run(_take, len(rows), rows, shares, normals, mixed, taken)
     return mixed, taken

@@ -77,10 +77,15 @@ def possible_noise(mesh: TriangleMesh, remeshed: bool = False) -> Floats:
         symmetric = _spread(mesh, _spread(mesh, mirrored_faces(mesh)))[:, 0]
         designed = np.maximum(designed, between(symmetric, MIRRORED))
     designed *= 1.0 - between(tiled, TILED) * between(told[:, 1].sum(), MANY)
+    return (1.0 - designed) * size_ramp(mesh, FEW)
+
+
+def size_ramp(mesh: TriangleMesh, ends: tuple[int, int]) -> Floats:
+    """Ramp, on a logarithmic scale, of the number of faces of each face's component: (m,)."""
     a, b, c = mesh.faces.T
     _, part = connected_components(mesh.vertex_count, np.append(a, b), np.append(b, c))
     faces = np.bincount(part[a], minlength=1)[part[a]]
-    return (1.0 - designed) * between(np.log(faces), (log(FEW[0]), log(FEW[1])))
+    return between(np.log(faces), (log(ends[0]), log(ends[1])))
 
 
 def mirrored_faces(mesh: TriangleMesh) -> Floats:

@@ -33,7 +33,7 @@ MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py
            "even_meshes.py", "made.py", "meshings.py", "solids.py", "train_creases.py")  # fmt: skip
 """The scripts that the networks depend on."""
 
-VERSION = 4
+VERSION = 5
 """Number of shipped trainings."""
 
 COUNTS = {"remeshed": 1300, "narrow": 350, "coarse": 350, "relief": 225, "scanned": 175,
@@ -63,8 +63,8 @@ IN_DOUBT = 3.5
 """Added after training to the bias of the score of a face's own normal: this halves the changes of
 models unlike the training set, and closes creases of parts just as well."""
 
-FEWEST_ROWS = 600
-"""A mesh with fewer rows weighs as much as one with this many."""
+KIND_WEIGHTS = {"displaced": 2.0}
+"""Factor of the weight of the meshes of a kind."""
 
 USUAL, AS_IT_IS = 5.0, 5.0
 """Degrees. The weight of a mesh is 1 / (its mean error + the first), or 1 / the second if its own
@@ -95,8 +95,8 @@ def table(path: Path) -> dict[str, np.ndarray] | None:
     own = near[keep, 0].max(1)
     off = np.degrees(np.arccos(np.clip(own, -1, 1))).mean() if keep.any() else 0.0
     count = int(keep.sum())
-    weight = weight_of(off) * max(FEWEST_ROWS / max(count, 1), 1)
     name, seed = path.stem.rsplit("_", 1)
+    weight = weight_of(off) * KIND_WEIGHTS.get(name, 1.0)
     return {
         "told": told[keep], "candidates": candidates[keep], "targets": targets[keep],
         "weights": np.full(count, weight, np.float32),
