@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure and picture the advection of noise and dye, as paper D does.
+"""Measure and plot the advection of noise and dye, as in paper D.
 
 ``python benchmarks/advection.py`` measures all and prints tables.
 """
@@ -234,7 +234,7 @@ def spectrum(job: common.Job) -> None:
 
 
 def gone(right: float, frames: int, how: str) -> float:
-    """Return how far noise has gone after some frames, on the mean over all cells, in pixels."""
+    """Return the mean displacement of the noise over all cells after some frames, in pixels."""
     size = 256
     columns = np.broadcast_to(np.arange(size), (size, size))
     field = np.full((size, size, 2), [right, 0.0])
@@ -259,7 +259,7 @@ def gone(right: float, frames: int, how: str) -> float:
 
 
 def slow(job: common.Job) -> None:
-    """Figure 6: slow flow, by what becomes of the fractions of steps."""
+    """Figure 6: slow flow, by the treatment of the fractions of steps."""
     ways = ("left out", "in each cell", "ours")
     distance = 50
     rows, errors = [], []
@@ -318,7 +318,7 @@ def blending(job: common.Job) -> None:
 
 
 def centroid(opacity: np.ndarray) -> np.ndarray:
-    """Where the dye is on the mean."""
+    """Center of mass of the dye."""
     weights = opacity / opacity.sum()
     return np.array([(weights * places).sum() for places in np.indices(opacity.shape)])
 
@@ -364,7 +364,7 @@ def sharpening(name: str) -> Any:
 
 
 def sharpness(job: common.Job) -> None:
-    """Figures 12 and 13: what a turn leaves of spots."""
+    """Figures 12 and 13: spots of dye after a rotation."""
     size, step = 256, 8.0
     velocity = rotation(size)
     steps = round(2 * np.pi * np.hypot(1, 1) * 255 / 2 / step)

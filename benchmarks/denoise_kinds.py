@@ -39,7 +39,7 @@ def time_kind(data: Path | None, kind: str) -> tuple[int, float]:
 
 
 def speed_of_kinds(job: common.Job) -> None:
-    """Microseconds a vertex of the default, by what it finds."""
+    """Microseconds per vertex with the default settings, by the detected kind."""
     rows, goals = [], []
     for kind in kinds(job.data):
         count, seconds = common.in_own_process(time_kind, job.data, kind)

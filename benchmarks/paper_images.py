@@ -114,7 +114,7 @@ Curve = list[tuple[float, float, float]]
 
 
 def time_convergence(data: Path) -> dict[str, Curve]:
-    """How near to its end each method comes, and when."""
+    """How close each method comes to its steady state, and when."""
     photo = common.load_image(data, PHOTO)
     pad = ((0, 2136 - photo.shape[0]), (0, 2848 - photo.shape[1]), (0, 0))
     image = np.pad(photo, pad, mode="symmetric").astype(np.float32) / 255
@@ -214,7 +214,7 @@ def edge_width(profile: np.ndarray) -> float:
 
 
 def reach(job: common.Job) -> None:
-    """How wide a blurred step of brightness is after which time."""
+    """Width of a blurred step of brightness by flow time."""
     rows = []
     for contrast in (0.8, 0.4, 0.2):
         for sigma in (1.0, 2.0, 4.0):
@@ -267,7 +267,7 @@ def as_bytes(image: np.ndarray) -> np.ndarray:
 
 
 def figure3(job: common.Job) -> None:
-    """What the schemes do, and how far advection and PDE agree."""
+    """Results of the schemes, and agreement of advection and PDE."""
     results, agreement = common.in_own_process(compare_schemes, job.data)
     fixed = results["fixed"]
     squares = {
