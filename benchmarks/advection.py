@@ -92,7 +92,7 @@ def speed(job: common.Job) -> None:
         bar = f"{LARGE}², {option}: frames a second"
         goals.append(Target(bar, 1 / wall, BARS[option], "{:.0f}", at_least=True))
     head = ["", "image", "frames a second", "processor, ms a frame", "paper, 4 processors"]
-    text = "Best of five runs of 20 frames. The paper's longest step is not told; ours is 6 pixels."
+    text = "Best of five runs of 20 frames. The paper gives no longest step; ours is 6 pixels."
     job.page.write("speed", "\n\n".join([text, table(head, rows), targets(goals)]))
 
 
@@ -163,7 +163,7 @@ def on_surface(job: common.Job) -> None:
                 what = f"{name}, {LARGE}²: frames a second"
                 goals.append(Target(what, 1 / wall, 25.0, "{:.0f}", at_least=True))
     head = ["model", "", "first frame, s", "frames a second", "processor, ms a frame"]
-    text = "Best of five runs of 20 frames; what comes before the first frame is shown in it."
+    text = "Best of five runs of 20 frames; the first frame includes all preparation."
     job.page.write("surface", "\n\n".join([text, table(head, rows), targets(goals)]))
 
 
@@ -287,7 +287,7 @@ def slow(job: common.Job) -> None:
     )  # fmt: skip
     head = ["pixels a frame", "frames", "fractions left out", "in each cell (paper)", "ours"]
     text = (
-        f"Pixels that noise goes while a uniform flow goes {distance}, on the mean over all cells."
+        f"Pixels that noise moves while a uniform flow moves {distance}, as a mean over all cells."
     )
     job.page.write("slow", "\n\n".join([text, table(head, rows), targets(goals)]) + shown)
 
@@ -401,7 +401,7 @@ def sharpness(job: common.Job) -> None:
         "sharpening",
         *(f"{w} px: {what}, %" for w in (4, 8, 16) for what in ("dye", "overlap")),
     ]
-    text = f"A turn in {steps} frames; dye left, and overlap with the spot as it was."
+    text = f"A rotation in {steps} frames; remaining dye, and overlap with the original spot."
     job.page.write("sharpness", "\n\n".join([text, table(head, rows)]) + shown)
 
 

@@ -107,7 +107,8 @@ def main() -> None:
     head = ["", "measured with", "counted by", "bytes each", "core seconds a million"]
     head += ["millions in 16 GiB"]
     text = (
-        "Defaults; beside what is filtered and the result of it. Extrapolated in the last column."
+        "Default settings; memory besides the input and the result. The last column is"
+        " extrapolated."
     )
     page = Page(options.write)
     page.write("one machine", "\n\n".join([text, table(head, rows, 1), common.machine()]))

@@ -180,15 +180,16 @@ def figure9(job: common.Job) -> None:
     text = [
         "The flower photo, continued by reflection to 2848 x 2136 pixels (float32, three channels),"
         " without smoothing passes; best of three runs, or of those that fit into two seconds.",
-        "The PDE of equation 2 is what the advection solves. It runs to the same flow times, in"
+        "The advection solves the PDE of equation 2. The PDE runs to the same flow times, in"
         f" steps of {FLOW_STEP:g} (shortened where they would be unstable; longer ones change the"
         " result), and I_∞ is I_2048 for both, as in the paper.",
         targets([goal]),
         "Osher and Rudin's own choice, F = sign, moves weak edges as fast as strong ones. So it"
         " converges much sooner, to another state, in which noise is as sharp as edges: with the"
         f" second derivative along the gradient, in steps of {SIGN_STEP}, the longest stable ones,"
-        f" it is {CONVERGED} on its way to the state after 128 steps in {other:.2f} s. The"
-        f" advection is {CONVERGED} on its way to t = ∞ in {needed['advection to t = ∞']:.2f} s.",
+        f" it has gone {CONVERGED} of the way to the state after 128 steps in {other:.2f} s. The"
+        f" advection has gone {CONVERGED} of the way to t = ∞ in"
+        f" {needed['advection to t = ∞']:.2f} s.",
         "<details><summary>All runs</summary>",
         table(["method", "t or steps", "seconds", "‖I_t - I_0‖ / ‖I_∞ - I_0‖"], rows),
         "</details>",

@@ -123,7 +123,7 @@ def main() -> None:
             )  # fmt: skip
             print("; ".join(rows[-1]), flush=True)
     head = ["", "before", *WAYS, "auto, least gain", "black: difference", "black: auto"]
-    text = f"In {worse} of {cases} cases the result of *Auto* is farther away than the input."
+    text = f"In {worse} of {cases} cases *Auto* is farther from the original than the input."
     names = [BALL, *(FILES if options.data else [])]
     kept = table(
         ["mean change of 255, without other light", "seams: continue", "auto"],
