@@ -1698,8 +1698,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         choices={
             "normals": "The face normals, to which the surface is fitted: keeps creases",
             "positions": "The positions of the vertices, as in the paper: rounds creases and"
-            " shrinks the surface a little. Then only Strength, Time and Iterations have an"
-            " effect",
+            " shrinks the surface a little. Only Strength, Time and Iterations matter then",
         },
         advanced=True,
         label="Filter",
