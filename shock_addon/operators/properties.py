@@ -474,10 +474,10 @@ _PLACES = {
     ),
     "geometry mark_sharp": bpy.props.BoolProperty(
         name="Mark Sharp",
-        description="After the run, mark the edges of creases that were closed as sharp if they"
-        " are stronger than the angle, so that smooth shading breaks there. Needs Where:"
-        " Creases; has no effect on shape keys, or where custom normals are kept. Existing marks"
-        " stay",
+        description="After the run, mark the edges of creases that were closed, or were sharp"
+        " before, as sharp if they are stronger than the angle, so that smooth shading breaks"
+        " there. Needs Where: Creases; has no effect on shape keys, or where custom normals are"
+        " kept. Existing marks stay",
         default=True,
     ),
     "mark_sharp": bpy.props.BoolProperty(
