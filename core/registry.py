@@ -85,14 +85,14 @@ MASK = Kind("mask", "mesh file", is_drawn=True)
 
 
 WAYS: Mapping[str, str] = {
-    "flat": "The way in which the surface bends least: along limbs and edges",
-    "bending": "The way in which it bends most: round them",
-    "x": "The X axis, laid onto the surface",
+    "flat": "The direction in which the surface bends least: along limbs and edges",
+    "bending": "The direction in which it bends most: around limbs and edges",
+    "x": "The X axis, projected onto the surface",
     "y": "The Y axis",
     "z": "The Z axis",
     "around_x": "Round the X axis",
     "around_y": "Round the Y axis",
-    "around_z": "Round the Z axis, as on turned metal",
+    "around_z": "Around the Z axis, as on turned metal",
 }
 """Directions on a surface that have names."""
 

@@ -46,6 +46,11 @@ _ROUND = 1 << 15
 _MOST_VISITS = 100
 """Mean visits per point after which the march stops and reports the points that are left."""
 
+_PATIENCE = 8
+"""Visits of a point after which a new path must be shorter by more, the more visits there were.
+Among long thin faces, the circles assumed at two sides may disagree. Distances would then fall in
+turn in tiny steps, and the march would stay there until its visits are used up."""
+
 _NEAR = 1e-6
 
 
@@ -78,6 +83,7 @@ class _Fronts(NamedTuple):
     # Distance and radius at the points, and a bucket queue of points to visit, by distance.
     distances: Floats
     radii: Floats
+    visits: Ints  # how often each point was visited
     lists: Ints  # the bucket of each point; -1: none
     before: Ints
     behind: Ints
@@ -178,6 +184,7 @@ def _new_fronts(polygons: _Polygons) -> _Fronts:
     return _Fronts(
         np.full(count, np.inf),
         np.zeros(count),
+        np.zeros(count, dtype=np.int32),
         np.full(count, -1, dtype=np.int32),
         np.empty(count, dtype=np.int32),
         np.empty(count, dtype=np.int32),
@@ -330,7 +337,7 @@ def _queue(i, distance, lists, before, behind, heads, state):
 @kernel
 def _offer(i, distance, radius, fronts):
     # At equal distance the larger radius wins: where lines join, fronts are straight on both sides.
-    distances, radii, lists, before, behind, heads, state = fronts
+    distances, radii, _, lists, before, behind, heads, state = fronts
     gain = distances[i] - distance
     if gain > _LEAST or (gain > -_LEAST and radius > radii[i]):
         distances[i] = distance
@@ -355,9 +362,14 @@ def _better(found, radius, old, d, r, e, s, base, a, b):
 
 
 @kernel
+def _is_shorter(found, old, visits):
+    return found < old - _LEAST * max(visits / _PATIENCE, 1.0) ** 3
+
+
+@kernel
 def _visit_node(i, polygons, fronts):
     # Passes a node's distance on to the other nodes of its four cells.
-    distances, radii, lists, before, behind, heads, state = fronts
+    distances, radii, visits, lists, before, behind, heads, state = fronts
     cells = polygons.cells
     columns = cells.shape[1]
     row, column = divmod(i, columns)
@@ -378,17 +390,17 @@ def _visit_node(i, polygons, fronts):
         old = distances[c]
         best, radius = _better(best, radius, old, d, r, e, s, rows, diagonal, across)
         best, radius = _better(best, radius, old, d, r, g, t, across, diagonal, rows)
-        if best < old - _LEAST:
+        if _is_shorter(best, old, visits[c]):
             distances[c], radii[c] = best, min(radius, _FLAT)
             _queue(c, best, lists, before, behind, heads, state)
         length = np.sqrt(rows)
         best, radius = _better(d + length, r + length, e, d, r, g, t, across, rows, other)
-        if best < e - _LEAST:
+        if _is_shorter(best, e, visits[a]):
             distances[a], radii[a] = best, min(radius, _FLAT)
             _queue(a, best, lists, before, behind, heads, state)
         length = np.sqrt(across)
         best, radius = _better(d + length, r + length, g, d, r, e, s, rows, across, other)
-        if best < g - _LEAST:
+        if _is_shorter(best, g, visits[b]):
             distances[b], radii[b] = best, min(radius, _FLAT)
             _queue(b, best, lists, before, behind, heads, state)
 
@@ -401,7 +413,7 @@ def _square(frame, i, j):
 @kernel
 def _visit_piece(corner, polygons, fronts):
     # Passes the distance at a corner on to the other corners of its piece.
-    distances, radii, lists, before, behind, heads, state = fronts
+    distances, radii, visits, lists, before, behind, heads, state = fronts
     points, frame = polygons.points, polygons.frame
     piece = polygons.pieces[corner]
     low, high = polygons.start[piece], polygons.start[piece + 1]
@@ -425,14 +437,14 @@ def _visit_piece(corner, polygons, fronts):
         if n != k:
             far = _square(frame, k, n)
             best, radius = _better(best, radius, old, d, r, g, t, right, square, far)
-        if best < old - _LEAST:
+        if _is_shorter(best, old, visits[target]):
             distances[target], radii[target] = best, min(radius, _FLAT)
             _queue(target, best, lists, before, behind, heads, state)
 
 
 @kernel
 def _visit(most, polygons, fronts):
-    distances, _, lists, before, behind, heads, state = fronts
+    distances, _, visits, lists, before, behind, heads, state = fronts
     nodes = polygons.cells.shape[0] * polygons.cells.shape[1]
     visited = 0
     while state[1] > 0 and visited < most:
@@ -446,6 +458,7 @@ def _visit(most, polygons, fronts):
             _queue(i, distances[i], lists, before, behind, heads, state)
             continue
         visited += 1
+        visits[i] += 1
         if i < nodes:
             _visit_node(i, polygons, fronts)
         for n in range(polygons.first[i], polygons.first[i + 1]):

@@ -54,7 +54,7 @@ def _tell_lost(vertices: npt.NDArray, faces: npt.NDArray, low: LowPoly) -> None:
     before, after = _volume(vertices, faces), _volume(low.vertices, low.faces)
     if before > 0 and _is_closed(faces) and after < (1.0 - _MOST_LOST) * before:
         tell(
-            "It has lost {percent}% of the volume: what is round was cut off. Lower Tolerance, or"
+            "It has lost {percent}% of the volume: round parts were cut off. Lower Tolerance, or"
             " remesh the original first.",
             percent=round(100.0 * (1.0 - after / before)),
         )

@@ -10,15 +10,19 @@ loose ends are removed.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
+from ..base.memo import kept
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import ask
 from ..base.vectors import TIE_BREAKER, after, cross, dot, edge
 from ..mesh.calculus import greatest_to_faces, greatest_to_vertices, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..sparse.components import root_of
+from .noise import even_edges, possible_noise
 
 Bools = npt.NDArray[np.bool_]
 Singles = npt.NDArray[np.float32]
@@ -45,7 +49,8 @@ _TURNED_COSINE = np.cos(np.radians(2.0))
 their targets by more, or that share a vertex with such faces."""
 
 _SLIVER = 0.035
-"""Small regions are also merged if their area is below this share of their squared perimeter."""
+"""Small regions of evenly meshed surfaces are also merged if their area is below this share of
+their squared perimeter. Elsewhere such regions are narrow sides of the part, as of plates."""
 
 _LARGEST_SHARE = 0.25
 """No region is merged whose area is more than this share of the region it would join: on coarse
@@ -200,7 +205,11 @@ def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, cho
         here, there = parts[face], parts[other]
         around = np.bincount(here, length * (here != there), minlength=mesh.face_count)
         none = np.bincount(parts, turned, minlength=mesh.face_count) > 0.5 * area
-        none |= area <= _SLIVER * around**2
+        narrow = area <= _SLIVER * around**2
+        if (narrow[here] & (area[here] < _SMALL_AREA)).any():
+            even = kept(mesh, "evenly meshed", (), partial(_evenly_meshed, mesh))
+            even = np.bincount(parts, mesh.areas * even, minlength=mesh.face_count)
+            none |= narrow & (even > 0.5 * area)
         rows = np.flatnonzero((here != there) & (area[here] < _SMALL_AREA) & none[here])
         pairs = here[rows].astype(np.int64) * mesh.face_count + there[rows]
         unique, number = np.unique(pairs, return_inverse=True)
@@ -218,6 +227,11 @@ def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, cho
         ask()
     joined = (parts[face] == parts[other]) & (first[face] != first[other])
     chosen[face[joined], side[joined]] = False
+
+
+def _evenly_meshed(mesh: TriangleMesh) -> Floats:
+    # From 0 where a design program surely made the faces, to 1.
+    return np.minimum(possible_noise(mesh, remeshed=True), even_edges(mesh))
 
 
 @kernel

@@ -124,8 +124,8 @@ def tell_creases(
             tell("The creases are sharp already.")
         else:
             tell(
-                "No creases to close were found: what is round, flat or coarse stays. For more, set"
-                " Where to Everywhere."
+                "No creases to close were found: round, flat and coarse parts stay. For more,"
+                " set Where to Everywhere."
             )
     else:
         widest = max(ceil(10.0 * creases.widest), 1) / 10.0  # as reports write it

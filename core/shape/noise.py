@@ -43,6 +43,11 @@ FINENESS, MOST_ALIKE = 1e-3, 64
 """Edges are equal if their lengths differ by less, in mean edge lengths; and the most faces with
 the same edges among which a face may count as mirrored: voxel surfaces have many more."""
 
+EVEN = 0.45, 0.6
+"""Ramp of the standard deviation of the logarithms of edge lengths within four rings: below the
+first value edges are even, as in remeshes, above the second they have many lengths. Where creases
+of a remeshed part are sharpened, edges reach 0.5."""
+
 MIRRORED, MODELLED = (0.7, 0.9), (20_000, 100_000)
 """Ramp of the share of faces with mirror images, within two rings: below the first value it does
 not matter, above the second there is no noise. And the ramp of the number of faces of the mesh over
@@ -65,13 +70,11 @@ def possible_noise(mesh: TriangleMesh, remeshed: bool = False) -> Floats:
     Nor is there noise where faces have mirror images in the mesh, as in models built by mirroring
     one half. With `remeshed` this rule is left out, because remeshes have mirror images by chance.
     """
-    told = np.empty((mesh.face_count, 4))
-    run(_find_planes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas,
-        mesh.normals, np.radians(PLANE), EQUAL, told)  # fmt: skip
+    told = _planes_and_lengths(mesh)
     near = _spread(mesh, _spread(mesh, told))
     tiled = _spread(mesh, _spread(mesh, near[:, 1:2]))[:, 0]
-    in_planes, _, mean, square = near.T
-    uneven = np.sqrt(np.maximum(square - mean * mean, 0.0))
+    in_planes = near[:, 0]
+    uneven = _deviation(near[:, 2:])
     designed = between(in_planes, DESIGNED) * between(uneven, UNEVEN)
     if not remeshed:
         symmetric = _spread(mesh, _spread(mesh, mirrored_faces(mesh)))[:, 0]
@@ -86,6 +89,31 @@ def size_ramp(mesh: TriangleMesh, ends: tuple[int, int]) -> Floats:
     _, part = connected_components(mesh.vertex_count, np.append(a, b), np.append(b, c))
     faces = np.bincount(part[a], minlength=1)[part[a]]
     return between(np.log(faces), (log(ends[0]), log(ends[1])))
+
+
+def even_edges(mesh: TriangleMesh) -> Floats:
+    """Measure where edges are about equally long: (m,), from 0 for many lengths to 1.
+
+    Remeshes and scans have even edges. Exports of design programs do not, wherever the surface has
+    sides of different sizes.
+    """
+    near = _planes_and_lengths(mesh)[:, 2:]
+    for _ in range(4):
+        near = _spread(mesh, near)
+    return 1.0 - between(_deviation(near), EVEN)
+
+
+def _planes_and_lengths(mesh: TriangleMesh) -> Floats:
+    told = np.empty((mesh.face_count, 4))
+    run(_find_planes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas,
+        mesh.normals, np.radians(PLANE), EQUAL, told)  # fmt: skip
+    return told
+
+
+def _deviation(moments: Floats) -> Floats:
+    # The standard deviation, from the mean and the mean of squares.
+    mean, square = moments.T
+    return np.sqrt(np.maximum(square - mean * mean, 0.0))
 
 
 def mirrored_faces(mesh: TriangleMesh) -> Floats:

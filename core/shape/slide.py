@@ -246,7 +246,7 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
         if len(bad) == 0:
             break
         if attempt == rounds:
-            tell("Faces that stay turned over: {count}.", count=len(bad))
+            tell("Faces that stay flipped: {count}.", count=len(bad))
             break
         if attempt < _SLIDES:
             _give_height(piece, moved, bad, _HEIGHT * _HEIGHT_FACTOR**attempt)

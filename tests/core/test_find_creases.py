@@ -130,6 +130,33 @@ def test_crisp_meshes_of_few_faces_have_all_their_creases():
     assert {line.state for line in lines} == {"sharp"}
 
 
+@pytest.mark.parametrize("height", [2.0, 1.0, 0.1])
+def test_thin_plates_have_the_creases_of_both_sides(height):
+    vertices, faces = cube(1)
+    plate = core.TriangleMesh(vertices * (10.0, 10.0, height), faces)
+    lines = core.find_creases(plate)
+    assert len(lines) == 12
+    assert {line.state for line in lines} == {"sharp"}
+    assert [round(line.strength) for line in lines] == [90] * 12
+
+
+def test_rims_of_thin_rings_are_all_found():
+    # As design programs export it: two faces for each step around, on each of the four sides.
+    height = 0.05
+    around, steps = np.linspace(0, 2 * np.pi, 97)[:-1], np.arange(96)
+    corners = [(5.0, 0.0), (5.0, height), (3.0, height), (3.0, 0.0)]
+    circle = np.stack([np.cos(around), np.sin(around)], axis=1)
+    vertices = np.concatenate([np.c_[r * circle, np.full(96, z)] for r, z in corners])
+    faces = []
+    for side in range(4):
+        a, b = 96 * side + steps, 96 * ((side + 1) % 4) + steps
+        c, d = 96 * side + (steps + 1) % 96, 96 * ((side + 1) % 4) + (steps + 1) % 96
+        faces += [np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)]
+    lines = core.find_creases(core.TriangleMesh(vertices, np.concatenate(faces)))
+    assert [len(line.edges) for line in lines] == [96] * 4
+    assert all(line.is_loop and line.is_convex for line in lines)
+
+
 def test_round_shapes_have_none():
     assert core.find_creases(core.TriangleMesh(*icosphere(4))) == []
 

@@ -124,6 +124,25 @@ def test_at_vertices_points_and_lines_are_exact_on_a_plane_whatever_the_triangle
     assert np.abs(found - sides).mean() < 0.05  # an edge is too long where two fronts meet
 
 
+def test_sheared_strips_of_thin_faces_are_all_reached():
+    # Rows of points, each turned by 1.4 steps: long faces of which no two share a plane.
+    around, rows = np.arange(69), np.arange(26)
+    angle = 2 * np.pi * (around - 1.4 * rows[:, None]) / 69
+    height = np.broadcast_to(0.024 * rows[:, None], angle.shape)
+    vertices = np.stack([np.cos(angle), np.sin(angle), height], axis=-1).reshape(-1, 3)
+    a = (69 * rows[:-1, None] + around).reshape(-1)
+    b = (69 * rows[:-1, None] + (around + 1) % 69).reshape(-1)
+    faces = np.concatenate([np.stack([a, b, a + 69], 1), np.stack([b, b + 69, a + 69], 1)])
+    mesh = core.TriangleMesh(vertices, faces)
+    found = core.vertex_distance(mesh, vertices=[0])
+    assert np.isfinite(found).all()
+    # The surface is close to a round tube of radius 1.
+    turn = np.abs((angle.reshape(-1) + np.pi) % (2 * np.pi) - np.pi)
+    exact = np.hypot(turn, vertices[:, 2])
+    assert found == pytest.approx(exact, rel=0.1, abs=0.4)
+    assert np.abs(found - exact).mean() < 0.1
+
+
 def test_at_the_vertices_of_a_ball_the_error_falls_with_the_edges():
     errors = []
     for subdivisions in (3, 4):
