@@ -59,6 +59,9 @@ FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
 DISPLACED = {"clean": 0.6, "white": 0.25, "wide": 0.15}
 """Shares among even meshes with relief: without noise, with white noise, and with wide noise."""
 
+STEEP_FIRST, SHORT_FIRST = 1_000_000, 2_000_000
+"""Seeds of the first mesh with steep relief, and with short waves; others begin at 0."""
+
 
 class Example(NamedTuple):
     """A mesh, the normals (m, 3) that its faces should have, and its kind."""
@@ -151,11 +154,14 @@ def divided(seed: int) -> Example:
     return _low_noisy(rng, v, f, "divided", UNTOUCHED_CAGES, 0.01)
 
 
-def displaced(seed: int) -> Example:
-    """Make an even mesh whose vertices relief moves along its normals, most without noise."""
+def displaced(seed: int, *relief) -> Example:
+    """Make an even mesh whose vertices relief moves along its normals, most without noise.
+
+    It is relief of at least 4 edges a wave, or as `even_meshes.wavy` is told.
+    """
     rng = np.random.default_rng(seed)
     v, f, n, edge = even(rng)
-    v = v + heights(rng, v, edge, 4) * n
+    v = v + heights(rng, v, edge, *(relief or (4,))) * n
     truth = core.TriangleMesh(v, f).normals
     kind = str(rng.choice(list(DISPLACED), p=list(DISPLACED.values())))
     if kind == "clean":
@@ -169,6 +175,16 @@ def displaced(seed: int) -> Example:
     amount = np.exp(rng.uniform(np.log(0.03), np.log(most))) * edge
     v = v + amount * noise / noise.std() * n
     return Example(core.TriangleMesh(v, f), truth, "noisy displaced")
+
+
+def steep(seed: int) -> Example:
+    """Make an even mesh with relief steeper than 30 degrees, of all kinds, most without noise."""
+    return displaced(STEEP_FIRST + seed, 5, 40, 7, (0.6, 3), 8)
+
+
+def short(seed: int) -> Example:
+    """Make an even mesh with relief of few edges a wave, of all kinds, most without noise."""
+    return displaced(SHORT_FIRST + seed, 3.5, 8, 7)
 
 
 def drawn(seed: int) -> Example:

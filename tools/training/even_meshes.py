@@ -20,11 +20,11 @@ def even(rng):
     return v, f, n / norm(n)[:, None], mean_edge(v, f)
 
 
-def heights(rng, v, edge, shortest, longest=40, kinds=5):
+def heights(rng, v, edge, *which):
     """Return relief as from `wavy`, everywhere or in places."""
-    relief = wavy(rng, edge, shortest, longest, kinds)
+    relief = wavy(rng, edge, *which)
     if rng.random() < 0.3:
-        one, other = relief, wavy(rng, edge, shortest, longest, kinds)
+        one, other = relief, wavy(rng, edge, *which)
         relief = lambda p: 0.7 * (one(p) + other(p))  # noqa: E731
     high = relief(v)
     if rng.random() < 0.4:
@@ -33,14 +33,14 @@ def heights(rng, v, edge, shortest, longest=40, kinds=5):
     return high[:, None]
 
 
-def wavy(rng, h, shortest, longest=40, kinds=5):
+def wavy(rng, h, shortest, longest=40, kinds=5, slopes=(0.12, 1), highest=3):
     """Relief all over a surface of edges `h`, `shortest` to `longest` edges a wave.
 
     It is of one of the first so many kinds: 5 are waves, 7 are all, up or down.
     """
     length = np.exp(rng.uniform(np.log(shortest), np.log(longest)))
-    steep = np.exp(rng.uniform(np.log(0.12), 0))
-    high = h * np.clip(steep * length / (2 * np.pi), 0.2, 3.0)
+    steep = np.exp(rng.uniform(*np.log(slopes)))
+    high = h * np.clip(steep * length / (2 * np.pi), 0.2, highest)
     kind, off = rng.integers(0, kinds), rng.uniform(0, 6.3, 8)
     k = rng.normal(size=(8, 3))
     k *= (2 * np.pi / (length * h) * rng.uniform(0.7, 1.3, 8) / norm(k))[:, None]

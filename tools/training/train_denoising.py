@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from denoise_examples import cage, displaced, divided, drawn, example, figure, rough
+from denoise_examples import cage, displaced, divided, drawn, example, figure, rough, short, steep
 from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.base import parallel
@@ -41,12 +41,14 @@ VERSION = 4
 MAKERS = {"solid": example, "white": partial(example, kind="white"),
           "field": partial(example, kind="field"), "range": partial(example, kind="range"),
           "figure": figure, "displaced": displaced, "drawn": drawn, "cage": cage,
-          "divided": divided, "rough": rough}  # fmt: skip
+          "divided": divided, "rough": rough, "steep": steep,
+          "short": short}  # fmt: skip
 COUNTS = {"solid": 1500, "white": 200, "field": 150, "range": 200, "figure": 350, "displaced": 350,
-          "drawn": 160, "cage": 400, "divided": 250, "rough": 150}  # fmt: skip
+          "drawn": 160, "cage": 400, "divided": 250, "rough": 150, "steep": 400,
+          "short": 300}  # fmt: skip
 """How many seeds of each."""
 
-LATE = "cage", "divided", "rough"
+LATE = "cage", "divided", "rough", "steep", "short"
 """Kinds that the last stage alone learns from."""
 
 FACES, ROWS = (24, 60_000), (400, 1600)
