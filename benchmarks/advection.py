@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure and picture the advection of noise and dye, as paper D does.
+"""Measure and plot the advection of noise and dye, as in paper D.
 
 ``python benchmarks/advection.py`` measures all and prints tables.
 """
@@ -92,7 +92,7 @@ def speed(job: common.Job) -> None:
         bar = f"{LARGE}², {option}: frames a second"
         goals.append(Target(bar, 1 / wall, BARS[option], "{:.0f}", at_least=True))
     head = ["", "image", "frames a second", "processor, ms a frame", "paper, 4 processors"]
-    text = "Best of five runs of 20 frames. The paper's longest step is not told; ours is 6 pixels."
+    text = "Best of five runs of 20 frames. The paper gives no longest step; ours is 6 pixels."
     job.page.write("speed", "\n\n".join([text, table(head, rows), targets(goals)]))
 
 
@@ -163,7 +163,7 @@ def on_surface(job: common.Job) -> None:
                 what = f"{name}, {LARGE}²: frames a second"
                 goals.append(Target(what, 1 / wall, 25.0, "{:.0f}", at_least=True))
     head = ["model", "", "first frame, s", "frames a second", "processor, ms a frame"]
-    text = "Best of five runs of 20 frames; what comes before the first frame is shown in it."
+    text = "Best of five runs of 20 frames; the first frame includes all preparation."
     job.page.write("surface", "\n\n".join([text, table(head, rows), targets(goals)]))
 
 
@@ -234,7 +234,7 @@ def spectrum(job: common.Job) -> None:
 
 
 def gone(right: float, frames: int, how: str) -> float:
-    """Return how far noise has gone after some frames, on the mean over all cells, in pixels."""
+    """Return the mean displacement of the noise over all cells after some frames, in pixels."""
     size = 256
     columns = np.broadcast_to(np.arange(size), (size, size))
     field = np.full((size, size, 2), [right, 0.0])
@@ -259,7 +259,7 @@ def gone(right: float, frames: int, how: str) -> float:
 
 
 def slow(job: common.Job) -> None:
-    """Figure 6: slow flow, by what becomes of the fractions of steps."""
+    """Figure 6: slow flow, by the treatment of the fractions of steps."""
     ways = ("left out", "in each cell", "ours")
     distance = 50
     rows, errors = [], []
@@ -287,7 +287,7 @@ def slow(job: common.Job) -> None:
     )  # fmt: skip
     head = ["pixels a frame", "frames", "fractions left out", "in each cell (paper)", "ours"]
     text = (
-        f"Pixels that noise goes while a uniform flow goes {distance}, on the mean over all cells."
+        f"Pixels that noise moves while a uniform flow moves {distance}, as a mean over all cells."
     )
     job.page.write("slow", "\n\n".join([text, table(head, rows), targets(goals)]) + shown)
 
@@ -318,7 +318,7 @@ def blending(job: common.Job) -> None:
 
 
 def centroid(opacity: np.ndarray) -> np.ndarray:
-    """Where the dye is on the mean."""
+    """Center of mass of the dye."""
     weights = opacity / opacity.sum()
     return np.array([(weights * places).sum() for places in np.indices(opacity.shape)])
 
@@ -364,7 +364,7 @@ def sharpening(name: str) -> Any:
 
 
 def sharpness(job: common.Job) -> None:
-    """Figures 12 and 13: what a turn leaves of spots."""
+    """Figures 12 and 13: spots of dye after a rotation."""
     size, step = 256, 8.0
     velocity = rotation(size)
     steps = round(2 * np.pi * np.hypot(1, 1) * 255 / 2 / step)
@@ -401,7 +401,7 @@ def sharpness(job: common.Job) -> None:
         "sharpening",
         *(f"{w} px: {what}, %" for w in (4, 8, 16) for what in ("dye", "overlap")),
     ]
-    text = f"A turn in {steps} frames; dye left, and overlap with the spot as it was."
+    text = f"A rotation in {steps} frames; remaining dye, and overlap with the original spot."
     job.page.write("sharpness", "\n\n".join([text, table(head, rows)]) + shown)
 
 

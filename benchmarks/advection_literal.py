@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Noise advection as paper D has it, in plain numpy: what ours is compared with.
+"""Noise advection exactly as in paper D, in plain numpy, for comparison.
 
 Coordinates have a random place in each cell (4.2). Their fractions are carried on in the cell
 (4.8), or are what they were at first in each frame. All sides are joined.

@@ -3,8 +3,8 @@
 
 ``python benchmarks/big_picture.py --scratch FOLDER`` makes a picture of 40,000 x 40,000 x 3 bytes
 by code, sharpens it with two workers of 3 GiB each, and prints seconds, the most memory of each
-worker and the chunks that ran again. A smaller picture, by one worker and by two, tells what the
-second one is worth. FOLDER needs 10 GiB.
+worker and the chunks that ran again. A smaller picture, by one worker and by two, shows the gain
+by the second worker. FOLDER needs 10 GiB.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def run(source: Path, target: Path, workers: int) -> dict[str, Any]:
 
 
 def row(side: int, workers: int, found: dict[str, Any]) -> list[str]:
-    """Tell of a run in a line of the table."""
+    """Return the row of the table for a run."""
     peaks = " and ".join(f"{each / 2**30:.2f}" for each in found["peaks"])
     speed = side * side / found["seconds"] / 1e6
     reruns = found["note"].rpartition(": ")[2]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Denoise random parts as Blender's modifiers leave them: blocks, voxels, quads, with noise or not.
 
-Needs bpy and trimesh. Parts are those of `blender_parts`, from other seeds; errors too. Beside ours
-stands Taubin's smoothing with the number of passes that is best for each mesh.
+Needs bpy and trimesh. Parts are those of `blender_parts`, from other seeds; errors too. The
+comparison is Taubin's smoothing with the best number of passes for each mesh.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 """Random parts of booleans and bevels out of Blender's voxel remesh, and the edges of a notch.
 
 Needs bpy. Errors are mean degrees between faces' normals and those of the nearest place of the
-part as it was designed, or of another one within 0.05 edges of that; by area. Nothing here is
-learned from: training makes solids by distances, and voxels by code of its own.
+part as it was designed, or of another one within 0.05 edges of that; by area. None of these parts
+is used for training, which makes solids and voxels by its own code.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Part:
     design: tuple[Floats, Triangles]
 
     def errors(self, vertices: Floats) -> tuple[Floats, Floats]:
-        """Degrees and areas of the faces, whose vertices are now at other places."""
+        """Return angle errors in degrees and areas of the faces, for new vertex positions."""
         tree = BVHTree.FromPolygons(*(x.tolist() for x in self.design))
         wanted = core.TriangleMesh(*self.design).normals
         mesh = core.TriangleMesh(vertices, self.faces)
@@ -68,7 +68,7 @@ class Part:
 
 
 def remeshed(obj: bpy.types.Object, turn: Euler, voxel: float) -> Part:
-    """Turn what an object's modifiers make of it, and remesh it by voxels of a size."""
+    """Rotate the evaluated object, and remesh it with voxels of the given size."""
     apply(obj)
     obj.data.transform(turn.to_matrix().to_4x4())
     design = arrays(obj.data)
@@ -79,7 +79,7 @@ def remeshed(obj: bpy.types.Object, turn: Euler, voxel: float) -> Part:
 
 
 def apply(obj: bpy.types.Object) -> None:
-    """Make an object's modifiers its mesh."""
+    """Apply the modifiers of an object."""
     evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = bpy.data.meshes.new_from_object(evaluated)
     obj.modifiers.clear()

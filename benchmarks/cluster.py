@@ -2,7 +2,7 @@
 """How much faster two workers of a Dask cluster are than one.
 
 ``python benchmarks/cluster.py --write docs/scale.md`` starts schedulers and workers, of one thread
-each, on this machine. Two cores at least are to be free.
+each, on this machine. At least two cores must be free.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LEAST = 1.7
 
 @contextlib.contextmanager
 def started(program: str, *words: str) -> Iterator[None]:
-    """Run one of Dask's programs beside this."""
+    """Run one of Dask's programs in another process."""
     code = f"from distributed.cli.dask_{program} import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", code, *words, "--no-dashboard"],

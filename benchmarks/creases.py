@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How creases of remeshed solids come back, and what stays, on shapes that were not learned from.
+"""How well creases of remeshed solids are restored, on shapes that are not used for training.
 
 Errors are mean degrees between the faces' normals and those of the solid near them, by area. Folds
 are edges that close beyond 150 degrees, and did not before. ``--meshes FOLDER`` adds how far files
@@ -43,7 +43,7 @@ from distances import (
 from meshings import EXTENT, marching_cubes, sampled, surface_nets
 
 FIRST_SEED = 50_000_000
-"""Of made solids; training has lower ones."""
+"""Seeds of generated solids; training uses lower ones."""
 
 TURN = turn(np.random.default_rng(77))
 """Askew to the grid."""
@@ -102,7 +102,7 @@ def folds(v: Floats, f) -> int:
 
 
 class Row:
-    """What became of one mesh."""
+    """The result for one mesh."""
 
     def __init__(self, solid: Solid, v: Floats, f, h: float, among=None) -> None:
         out = core.sharpen_geometry(core.TriangleMesh(v, f))

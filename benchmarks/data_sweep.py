@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run all filters over every mesh and image of a folder: each must work or say why it does not.
+"""Run all filters on every mesh and image of a folder: each must succeed or give a reason.
 
 A table in Markdown goes to the screen; the exit status is 1 if anything was neither filtered nor
 refused with one of Shock Filter's own sentences.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure denoising: speed, distances, images and meshes, beside other programs.
+"""Measure denoising: speed, distances, images and meshes, compared with other programs.
 
 ``python benchmarks/denoise.py --data FOLDER --write docs/denoise-benchmarks.md`` measures all and
-puts tables, plots and pictures into the page. Without test meshes shapes made by code stand in.
+puts tables, plots and pictures into the page. Without test meshes, generated shapes are used.
 """
 
 from __future__ import annotations

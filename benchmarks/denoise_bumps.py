@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Denoising of bumps several edges wide, as photogrammetry leaves them, with Bump Size and without.
 
-Statues, stones and parts made by code; training has none of them, nor their seeds. How the
-smoothing works was chosen by the first half.
+Statues, stones and parts made by code; training has none of them, nor their seeds. The smoothing
+was tuned on the first half.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from distances import (
 from meshings import EXTENT, sampled, surface_nets, umbrella
 
 FIRST_SEED = 60_000_000
-"""Training has lower ones."""
+"""Seeds; training uses lower ones."""
 
 CELLS = 110
 WIDTHS = 2, 3, 4, 5
@@ -182,7 +182,7 @@ RIVALS: dict[str, list[Callable[[core.TriangleMesh], Floats]]] = {
     "bilateral": [lambda m: normals_averaged(m, 0.35, guided=False)],
     "guided": [lambda m: normals_averaged(m, 0.35, guided=True)],
 }
-"""Other ways, and the settings of each of which the best counts."""
+"""Other methods, with the settings that are tried; the best one counts."""
 
 
 class Found(NamedTuple):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Noisy photos beside other programs, the kernel's shape, and images on their manifold."""
+"""Noisy photos compared with other programs, the kernel's shape, and images on their manifold."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def search(method: Method, clean: np.ndarray, noisy: np.ndarray) -> Best:
 
 
 def betas(job: common.Job) -> None:
-    """What beta suits which noise, from none on."""
+    """The best beta for each noise level, from no noise on."""
     tried = (4, 5, 7, 10, 15, 20, 30)
     default = core.BeltramiSettings()
     rows = []

@@ -39,7 +39,7 @@ def time_kind(data: Path | None, kind: str) -> tuple[int, float]:
 
 
 def speed_of_kinds(job: common.Job) -> None:
-    """Microseconds a vertex of the default, by what it finds."""
+    """Microseconds per vertex with the default settings, by the detected kind."""
     rows, goals = [], []
     for kind in kinds(job.data):
         count, seconds = common.in_own_process(time_kind, job.data, kind)
@@ -47,8 +47,8 @@ def speed_of_kinds(job: common.Job) -> None:
         rows.append([kind, f"{count:,}", f"{each:.1f}"])
         goals.append(Target(f"{kind}: µs a vertex", each, MICROSECONDS, "{:.1f}"))
     text = [
-        "The whole filter with its defaults, by what it finds: time of all cores together, which"
-        f" share it evenly; least of {RUNS} runs. {common.machine()}",
+        "The whole filter with its defaults, by the detected kind of surface: time summed over all"
+        f" cores; least of {RUNS} runs. {common.machine()}",
         table(["surface", "vertices", "µs a vertex"], rows),
         targets(goals),
     ]

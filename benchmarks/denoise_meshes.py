@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Noisy meshes against clean ones, ours and other programs'."""
+"""Errors of denoised meshes, by Shock Filter and by other programs."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ def error_rows(labels: list[str], columns: dict[str, list[Errors]], field: str, 
 
 
 def behind(labels: list[str], columns: dict[str, list[Errors]]) -> str:
-    """Say where another program, at its best, beats our default."""
+    """List the cases where another program, with its best settings, beats our default."""
     lines = []
     for i, label in enumerate(labels):
         for field, what in (("normal", "normals"), ("position", "positions")):
@@ -214,7 +214,7 @@ def behind(labels: list[str], columns: dict[str, list[Errors]]) -> str:
 
 
 def pair_text(columns: dict[str, list[Errors]]) -> str:
-    """What is reached on fandisk with noise 0.3."""
+    """The result on fandisk with noise 0.3."""
     rows = [
         [title, f"{several[0].normal:.1f}", f"{several[0].position:.2f}"]
         for title, several in columns.items()

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoising of models that other people and programs made: what is clean stays, what is noisy gets
-better.
+"""Denoising of models from other sources: clean ones should stay, noisy ones should improve.
 
-Models lie in folders below ``models`` of the data, in any format that trimesh reads. Nothing was
-learned from them.
+Models lie in folders below ``models`` of the data, in any format that trimesh reads. They are not
+used for training.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from shock_filter import core
 ENDINGS = ".off", ".obj", ".ply", ".stl"
 
 FACES = 12, 60_000
-"""Fewest and most faces of a model that is looked at."""
+"""Least and greatest number of faces of a measured model."""
 
 FEWEST_WITH_NOISE = 1500
 
@@ -34,7 +33,7 @@ NAMED = 6
 
 
 def models(job: common.Job) -> None:
-    """How far clean models turn, and how near noisy ones come; mean angles over faces."""
+    """Change of clean models, and error of noisy ones, as mean angles over faces."""
     if job.data is None:
         return
     rows, worst = [], []

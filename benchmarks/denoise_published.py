@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoising of published pairs of noisy and true meshes, beside the figures of their papers.
+"""Denoising of published pairs of noisy and true meshes, compared with the papers' results.
 
 Pairs lie in the folder ``denoise`` of the data: files ``NAME.npz`` with the arrays ``noisy``,
-``truth`` and ``faces``. None of them was learned from.
+``truth`` and ``faces``. None of them is used for training.
 """
 
 from __future__ import annotations

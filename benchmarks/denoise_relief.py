@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoising of even meshes with relief: what is clean stays."""
+"""Denoising of regular meshes with relief: clean ones should stay."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NOISE = 0.1, 0.25
 
 
 def relief(job: common.Job) -> None:
-    """How far clean relief turns, and how near it comes with noise; mean angles over faces."""
+    """Change of clean relief, and error of noisy relief, as mean angles over faces."""
     rows = []
     for name in RELIEF:
         for wave in WAVES:

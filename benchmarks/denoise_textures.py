@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoising of textures: what is left beside seams and inside charts, and the time it takes."""
+"""Denoising of textures: the error beside seams and inside charts, and the run time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def rms(difference: np.ndarray) -> float:
 
 
 def seconds_of(work) -> tuple[np.ndarray, float]:
-    """Do the work, and say what processor time it took."""
+    """Do the work, and return its processor time."""
     start = time.process_time()
     result = work()
     return result, time.process_time() - start
@@ -39,7 +39,7 @@ def measure(model: Model) -> tuple[list[float], float, float]:
     open_seams = core.DilateSettings(seams="continue")
     clean = model.image / 255.0
     noise = NOISE * np.random.default_rng(0).normal(size=clean.shape)
-    # Around the charts, more of the same, as programs that bake leave it.
+    # Extend the colors around the charts, as baking programs do.
     noisy = core.dilate_texture(
         mesh, model.uv, clean + noise, core.DilateSettings(seams="extend"), atlas=atlas
     ).astype(np.float32)

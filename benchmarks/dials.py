@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How well the dials of images find and close borders, beside fixed times and an unsharp mask.
+"""How well What and Width of images find and close borders, against fixed times and unsharp masks.
 
 Drawings are made by code, photos are those of scikit-image and of a folder. They are blurred,
 enlarged, compressed and made noisy, and sharpened as what they are measured to be; what comes back
@@ -28,7 +28,7 @@ Floats = npt.NDArray[np.float64]
 
 SIZE = 256
 SEEDS = range(41, 47)
-"""Drawings that were not looked at while the dials were made."""
+"""Seeds of drawings that were not used to tune What and Width."""
 
 PHOTOS = {
     "astronaut": (10, 120),
@@ -196,7 +196,7 @@ def gains(groups: dict[str, dict[str, Bytes]]) -> str:
 
 
 def findings(groups: dict[str, dict[str, Bytes]]) -> str:
-    """What Auto takes images for, and the width over the one that was made."""
+    """How Auto classifies images, and the measured width relative to the true one."""
     sigmas = {"sigma 1": 1.0, "sigma 1.5": 1.5, "sigma 2": 2.0, "sigma 3": 3.0, "sigma 4": 4.0}
     sigmas |= {"sigma 2, JPEG": 2.0, "sigma 2, noise": 2.0}
     rows = []

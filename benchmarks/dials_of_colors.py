@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How well the dials of colors on meshes find and close borders, beside fixed times.
+"""How well What and Width of mesh colors find and close borders, against fixed times.
 
 Patches of flat color are painted by code, blurred by smoothing passes, and sharpened; what comes
 back is compared with what was painted.
@@ -27,7 +27,7 @@ CASES = (8, 0.0), (16, 0.0), (8, 0.02)
 
 CONTRASTS = 1.0, 0.15
 SEEDS = 2, 3
-"""Paintings that were not looked at while the dials were made."""
+"""Seeds of paintings that were not used to tune What and Width."""
 
 PATCHES = 40
 SETTINGS = {

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How near enlarged images come to what they were before they were reduced.
+"""How close enlarged images come to the originals before reduction.
 
 Drawings, masks and gray maps are made by code, from other seeds than those that the constants were
 chosen on; photos are those of `dials`. Further pictures are those of `image_sharpening`, reduced in
 several ways. With ``--data``, a folder with ``images/set5``, the tables of papers are met, too:
 ``img_001_SRF_2_LR.png`` and so on, as they are handed on with Huang, Singh, Ahuja (2015).
-Nothing was learned from any of these.
+None of these is used for training.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def reduced(image: Bytes, times: int) -> Bytes:
 
 
 def pillow(filter_: Image.Resampling) -> Callable[[Bytes, int], Bytes]:
-    """Return what Pillow does."""
+    """Enlarge with Pillow."""
 
     def work(image: Bytes, times: int) -> Bytes:
         size = times * image.shape[1], times * image.shape[0]
@@ -67,7 +67,7 @@ def pillow(filter_: Image.Resampling) -> Callable[[Bytes, int], Bytes]:
 
 
 def ours(**settings: object) -> Callable[[Bytes, int], Bytes]:
-    """Return what Enlarge does."""
+    """Enlarge with the core."""
     return lambda image, n: core.sharpen_image(image, core.ImageSettings(enlarge=n, **settings))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure enlarged textures beside enlarged pictures, inside charts and at seams.
+"""Compare enlarged textures with enlarged flat pictures, inside charts and at seams.
 
 ``python benchmarks/enlarging_textures.py --data FOLDER --write docs/repair-benchmarks.md``. Four
 models have textures of their own; others carry a photo that is projected onto them, which is one
@@ -68,7 +68,7 @@ def models(data: Path) -> dict[str, Model]:
 
 
 def seam_jump(model: Model, mesh: core.TriangleMesh, image: Pixels) -> float:
-    """Mean difference of what both sides of seams show, of 255."""
+    """Mean difference between both sides of seams, in levels of 255."""
     twins, corners = mesh.twins.reshape(-1), mesh.own_corners(model.uv)
     edges = np.flatnonzero(twins > np.arange(len(twins)))
     (face, k), (other, m) = np.divmod(edges, 3), np.divmod(twins[edges], 3)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measure distance, streaks and patterns in textures.
 
-``python benchmarks/fields.py --data FOLDER`` measures all and prints tables. Without data, a ball
-made by code stands in for the models.
+``python benchmarks/fields.py --data FOLDER`` measures all and prints tables. Without data, a
+generated ball replaces the models.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def on_ball(job: common.Job) -> None:
 
 
 def against_peers(job: common.Job) -> None:
-    """At the vertices, against the exact distance on the mesh; beside the heat method there."""
+    """Errors against the exact distance at the vertices, compared with the heat method."""
     if not peers.installed("pygeodesic"):
         return
     rows, goals = [], []

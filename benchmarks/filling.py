@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure how what is missing of a texture is filled, beside filling in the image, and how fast.
+"""Measure quality and speed of texture filling, compared with filling in the flat image.
 
 ``python benchmarks/filling.py --data FOLDER --write docs/repair-benchmarks.md``. Holes are balls
 around points on seams; a ball made by code stands beside the models. Needs opencv-python-headless
@@ -87,7 +87,7 @@ def holes_at_seams(mesh: core.TriangleMesh, atlas: core.TextureAtlas, places: Pi
 
 
 def inpainted(image: Pixels, missing: Pixels, gutter: Pixels) -> list[Pixels]:
-    """Fill in the image by other ways; what lies beside the charts is not known either."""
+    """Fill in the flat image with other methods; texels beside the charts are also unknown."""
     import cv2
 
     lacking = missing | gutter
@@ -114,7 +114,7 @@ def main() -> None:
 
 
 def quality(data: Path | None) -> str:
-    """Compare what is filled with what was there."""
+    """Compare filled texels with the original ones."""
     rows, found = [], []
     for name in [BALL, *(["spot", "blub", "WaterBottle"] if data else [])]:
         model = load_model(data if name != BALL else None, name, SIZE)

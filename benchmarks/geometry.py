@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure sharpening of geometry: speed, memory, quality and tracing, beside other programs.
+"""Measure sharpening of geometry: speed, memory, quality, tracing, against other programs.
 
 ``python benchmarks/geometry.py --data FOLDER --write docs/benchmarks.md`` measures all and puts
-tables and plots into the page. Without test meshes a shape made by code stands in for them.
+tables and plots into the page. Without test meshes, a generated shape is used.
 """
 
 from __future__ import annotations

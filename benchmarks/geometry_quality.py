@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpened meshes against clean ones, ours and other programs'."""
+"""Errors of sharpened meshes, by Shock Filter and by other programs."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def quality_of_input(data: Path | None, cases: list[Case]) -> list[Errors]:
 
 
 def bending(data: Path | None, cases: list[Case]) -> list[list[float]]:
-    """How much clean and changed meshes bend, in radians per edge at the median vertex."""
+    """Bending of clean and changed meshes, in radians per edge at the median vertex."""
 
     def median(mesh: core.TriangleMesh) -> float:
         signal = average_to_vertices(mesh, mesh.normals)
@@ -179,7 +179,7 @@ def compare(data: Path | None, cases: list[Case], ours: dict[str, dict]) -> Comp
 
 
 def goals(comparison: Comparison) -> Iterable[Target]:
-    """Check what is promised of three smoothing passes."""
+    """Check the targets for three smoothing passes."""
     before, after = comparison.columns["input"], comparison.columns["ours"]
     for case, old, new in zip(comparison.cases, before, after, strict=True):
         label = case_label(case)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure the gradient-domain filter of textures, beside Lagrange's, which has the same equations.
+"""Compare the gradient-domain filter of textures with Lagrange's, which solves the same equations.
 
-``python benchmarks/gradient_domain.py --data FOLDER`` measures all and prints tables. Without data,
-a ball made by code stands in.
+``python benchmarks/gradient_domain.py --data FOLDER`` measures all and prints tables. Without
+data, a generated ball is used.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of pictures that other people made, none of which was learned from or tuned on.
+"""Sharpening of pictures from other sources, none of which was used for training or tuning.
 
 ``python benchmarks/image_others.py FOLDER``. Each folder in it holds pictures, at any depth; some
 of each, chosen by a fixed seed, are spoiled in eight ways. Large photos are reduced before.
@@ -30,7 +30,7 @@ FAINT = 4.0
 """Standard deviation, in bytes, below which a picture shows nothing."""
 
 SIGMAS = {f"Gauss {sigma}": sigma for sigma in (0.8, 1.5, 2.5)}
-"""Of the blurs that *Width* can tell."""
+"""Sigmas of the blurs for which *Width* can be given."""
 
 SPOILINGS = {
     **{name: lambda i, n, sigma=sigma: own.blur(i, sigma) for name, sigma in SIGMAS.items()},
@@ -78,7 +78,7 @@ def chosen(folder: Path) -> dict[str, np.ndarray]:
 
 
 def tables(folder: Path) -> str:
-    """What is gained, folder by folder and spoiling by spoiling."""
+    """Gains by folder and by degradation."""
     found, sharp = [], {}
     for place in sorted(path for path in folder.iterdir() if path.is_dir()):
         pictures = chosen(place)

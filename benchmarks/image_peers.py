@@ -158,7 +158,7 @@ def gradient_magnitude(image: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Quality:
-    """What a result is like.
+    """Measures of a result.
 
     Attributes
     ----------

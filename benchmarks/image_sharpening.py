@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How near spoiled pictures come to the truth: the learned recipe, by width, and unsharp masks.
+"""Errors of sharpened degraded pictures: trained networks, by width, and unsharp masks.
 
 ``python benchmarks/image_sharpening.py --photos FOLDER``. Pictures are scikit-image's, photos in
 the folder, and drawings made here from other seeds than those of the training. An oracle chooses
-the best of nine unsharp masks for each spoiled picture. ``--steady`` changes pictures little by
-little, and tells how the result follows; ``--speed`` measures the time of a large photo.
+the best of nine unsharp masks for each spoiled picture. ``--steady`` changes pictures gradually,
+and measures how the result follows; ``--speed`` measures the time of a large photo.
 """
 
 from __future__ import annotations
@@ -281,7 +281,7 @@ def tables(found: list[Case]) -> str:
 
 
 def steadiness() -> str:
-    """Tell how results move while a texture on shapes rises evenly: rms in per mille."""
+    """Measure how results change while a texture on shapes grows evenly: rms in per mille."""
     random = np.random.default_rng(5)
     f = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.rfftfreq(SIZE)[None])
     f[0, 0] = np.inf

@@ -51,7 +51,7 @@ class Enough(Exception):
 
 @dataclass(frozen=True)
 class Watched:
-    """What was seen of a run, in seconds; `what` is what was being done in the longest wait."""
+    """Measurements of a run, in seconds; `what` is the step of the longest wait."""
 
     seconds: float
     wait: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The paper's own way of walking along flow-lines: a reference for the exact walk.
+"""The paper's method of tracing flow lines: a reference for the exact walk.
 
 It takes steps of a tenth of a mean edge length, straight on over edges by unfolding (paper A,
 Appendix A, "Tracing Flow-Lines"); where both faces of an edge flow into it, it zigzags along it.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure the output Live in Blender: another Amount, beside a plain Set Position node; updates.
+"""Measure the output Live in Blender: another Amount, against a Set Position node; updates.
 
 ``python benchmarks/live.py`` needs Blender as a Python package, like the demo. A change is a new
 Amount and the evaluation of the object; median of 30, in processor time, which other programs
@@ -43,7 +43,7 @@ print("digest", hashlib.sha256(found.tobytes()).hexdigest())
 
 
 def seen(obj: bpy.types.Object) -> np.ndarray:
-    """Return the positions that are seen of an object."""
+    """Return the positions of the evaluated object."""
     from shock_filter.shock_addon.data.mesh.meshes import read_positions
 
     return read_positions(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data)
@@ -61,7 +61,7 @@ def clock(set_amount: Callable[[float], None]) -> float:
 
 
 def plain_group() -> bpy.types.NodeTree:
-    """Make a group that adds Amount times the movement, and asks for nothing."""
+    """Make a group that adds Amount times the movement, without any checks."""
     from shock_filter.shock_addon.data import MOVE
 
     tree = bpy.data.node_groups.new("Plain", "GeometryNodeTree")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Crisp low poly beside Blender's planar dissolve and decimation, at equal face counts.
+"""Crisp Low Poly against Blender's planar dissolve and decimation, at equal face counts.
 
 ``python benchmarks/low_poly.py --write docs/creases.md`` puts the table into the page.
 
@@ -65,7 +65,7 @@ def creases_kept(mesh: core.TriangleMesh, creases: Floats, reach: float) -> floa
 
 
 def decimated(vertices: Floats, faces: npt.NDArray, kind: str, wanted: int) -> core.TriangleMesh:
-    """What Blender's Decimate modifier leaves: about so many triangles."""
+    """Decimate to about so many triangles with Blender's modifier."""
     mesh = bpy.data.meshes.new("part")
     mesh.from_pydata(vertices.tolist(), [], faces.tolist())
     obj = bpy.data.objects.new("part", mesh)

@@ -35,15 +35,15 @@ PLACES = 2500
 
 RAYS = """## Error and speed
 
-How far occlusion is from that of 4,096 rays, in percent of the way from black to white (root mean
-square), at 64 rays with the default smoothing and at more rays without any:
+Error of occlusion against that with 4,096 rays, in percent of the way from black to white (root
+mean square), for 64 rays with the default smoothing and for more rays without smoothing:
 
 """
 
-BESIDE_CYCLES = """A map of 1,024 x 1,024 texels of a bumpy torus of 100,352 triangles, beside the
-bake of Blender's Cycles on the same cores. Errors are those against Cycles without its noise, which
-two further bakes tell. The last column says how many times as long Cycles works for the same error,
-by the seconds of all cores:
+BESIDE_CYCLES = """A map of 1,024 x 1,024 texels of a bumpy torus of 100,352 triangles, compared
+with the bake of Blender's Cycles on the same cores. Errors are relative to Cycles without its
+noise, which follows from two further bakes. The last column gives how many times as long Cycles
+takes for the same error, in seconds of all cores:
 
 """
 

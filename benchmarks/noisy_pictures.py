@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How near noisy pictures come to the truth: *Denoise Image*, *Sharpen Image*, OpenCV.
+"""Errors of denoised pictures: *Denoise Image*, *Sharpen Image*, OpenCV.
 
 ``python benchmarks/noisy_pictures.py --write docs``. Pictures are those of `image_sharpening`. How
 noise is measured was chosen by looking at some of them, how it is counted on made pictures only.
@@ -56,7 +56,7 @@ WAYS: dict[str, Denoiser] = {
 
 
 def spoilings() -> dict[str, tuple[float, Callable[[np.ndarray, str], np.ndarray]]]:
-    """Collect what is done to the pictures, and how strong the noise is."""
+    """List the degradations of the pictures, with the strength of their noise."""
 
     def white(sigma: float) -> Callable[[np.ndarray, str], np.ndarray]:
         return lambda image, name: noise(image, sigma, name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What one machine holds: memory and time of each filter for a vertex or a pixel.
+"""Memory and time of each filter per vertex or pixel, and what fits into one machine.
 
 ``python benchmarks/one_machine.py`` runs each filter with its defaults in a process of its own, and
 prints bytes, seconds of one core, and how many vertices or pixels that makes in 16 GiB.
@@ -107,7 +107,8 @@ def main() -> None:
     head = ["", "measured with", "counted by", "bytes each", "core seconds a million"]
     head += ["millions in 16 GiB"]
     text = (
-        "Defaults; beside what is filtered and the result of it. Extrapolated in the last column."
+        "Default settings; memory besides the input and the result. The last column is"
+        " extrapolated."
     )
     page = Page(options.write)
     page.write("one machine", "\n\n".join([text, table(head, rows, 1), common.machine()]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Remake the shock filter paper's tables and figures on our data, beside other programs.
+"""Repeat the shock filter paper's tables and figures on our data, with other programs.
 
 ``python benchmarks/paper.py --data FOLDER --write docs/paper.md`` takes some minutes; with
 ``--all``, an hour.

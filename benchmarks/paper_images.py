@@ -114,7 +114,7 @@ Curve = list[tuple[float, float, float]]
 
 
 def time_convergence(data: Path) -> dict[str, Curve]:
-    """How near to its end each method comes, and when."""
+    """How close each method comes to its steady state, and when."""
     photo = common.load_image(data, PHOTO)
     pad = ((0, 2136 - photo.shape[0]), (0, 2848 - photo.shape[1]), (0, 0))
     image = np.pad(photo, pad, mode="symmetric").astype(np.float32) / 255
@@ -180,15 +180,16 @@ def figure9(job: common.Job) -> None:
     text = [
         "The flower photo, continued by reflection to 2848 x 2136 pixels (float32, three channels),"
         " without smoothing passes; best of three runs, or of those that fit into two seconds.",
-        "The PDE of equation 2 is what the advection solves. It runs to the same flow times, in"
+        "The advection solves the PDE of equation 2. The PDE runs to the same flow times, in"
         f" steps of {FLOW_STEP:g} (shortened where they would be unstable; longer ones change the"
         " result), and I_∞ is I_2048 for both, as in the paper.",
         targets([goal]),
         "Osher and Rudin's own choice, F = sign, moves weak edges as fast as strong ones. So it"
         " converges much sooner, to another state, in which noise is as sharp as edges: with the"
         f" second derivative along the gradient, in steps of {SIGN_STEP}, the longest stable ones,"
-        f" it is {CONVERGED} on its way to the state after 128 steps in {other:.2f} s. The"
-        f" advection is {CONVERGED} on its way to t = ∞ in {needed['advection to t = ∞']:.2f} s.",
+        f" it has gone {CONVERGED} of the way to the state after 128 steps in {other:.2f} s. The"
+        f" advection has gone {CONVERGED} of the way to t = ∞ in"
+        f" {needed['advection to t = ∞']:.2f} s.",
         "<details><summary>All runs</summary>",
         table(["method", "t or steps", "seconds", "‖I_t - I_0‖ / ‖I_∞ - I_0‖"], rows),
         "</details>",
@@ -214,7 +215,7 @@ def edge_width(profile: np.ndarray) -> float:
 
 
 def reach(job: common.Job) -> None:
-    """How wide a blurred step of brightness is after which time."""
+    """Width of a blurred step of brightness by flow time."""
     rows = []
     for contrast in (0.8, 0.4, 0.2):
         for sigma in (1.0, 2.0, 4.0):
@@ -267,7 +268,7 @@ def as_bytes(image: np.ndarray) -> np.ndarray:
 
 
 def figure3(job: common.Job) -> None:
-    """What the schemes do, and how far advection and PDE agree."""
+    """Results of the schemes, and agreement of advection and PDE."""
     results, agreement = common.in_own_process(compare_schemes, job.data)
     fixed = results["fixed"]
     squares = {

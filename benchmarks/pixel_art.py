@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far pixel art is from what is none, and small drawings enlarged beside other ways.
+"""Recognition of pixel art, and enlarging of small drawings compared with other methods.
 
 All is made by code, but photos, which are scikit-image's. For each kind the table has the largest
 and the least of what is measured, and of the share of pixel art that follows.
@@ -114,7 +114,7 @@ def shares() -> str:
 
 
 def small_drawings() -> str:
-    """Drawings that were reduced, enlarged again by Blender's ways and by ours."""
+    """Reduced drawings, enlarged again by Blender's methods and by ours."""
     rows, gains = [], []
     for name, way in REDUCED.items():
         found = []

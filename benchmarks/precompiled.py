@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels compiled beforehand beside those of numba: time of the first call, and of others.
+"""Precompiled kernels against those of numba: time of the first call, and of later calls.
 
 ``python benchmarks/precompiled.py`` builds the library of this system (some minutes, the first
 time), and runs each filter in processes of its own, without numba and with it, in turn. numba finds

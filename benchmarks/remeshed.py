@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How well sharp parts come back out of Blender's voxel remesh, beside what else there is.
+"""How well sharp parts are restored after Blender's voxel remesh, against other methods.
 
 Three parts of the demo, remeshed askew to the voxels' grid. Needs bpy. Normals are compared with
 those of the nearest place on the part as it was designed; points on its creases, with the result.
@@ -95,7 +95,7 @@ def shapes_of(mesh: core.TriangleMesh) -> Floats:
 
 
 def blender_sharp(part: bpy.types.Object, depth: int) -> tuple[Floats, npt.NDArray[np.int32]]:
-    """What the Remesh modifier makes of the designed part in its sharp mode."""
+    """Remesh the designed part with Blender's modifier in sharp mode."""
     modifier = part.modifiers.new("Remesh", "REMESH")
     modifier.mode, modifier.octree_depth, modifier.use_remove_disconnected = "SHARP", depth, False
     part.modifiers.new("Triangulate", "TRIANGULATE")

@@ -60,7 +60,7 @@ def compressed(image: Pixels, quality: int) -> Pixels:
 
 
 def blocks(data: Path) -> str:
-    """Tell what each way gains, by quality."""
+    """Measure the gain of each method, by quality."""
     import cv2
 
     ways = {"Remove Blocks": core.remove_blocks}
@@ -90,7 +90,7 @@ def blocks(data: Path) -> str:
 
 
 def tiling(data: Path) -> str:
-    """Compare the joints of tileable pictures with what is inside."""
+    """Compare the joints of tileable pictures with their interior."""
     rows = []
     for name, image in photos(data).items():
         values = image.astype(np.float32)

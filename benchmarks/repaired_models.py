@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spoil textured models, repair them, and measure what each step brings.
+"""Degrade textured models, repair them, and measure the gain of each step.
 
 ``python benchmarks/repaired_models.py --data FOLDER --write
 docs/repair-benchmarks.md``. Decibels of the texels inside charts against what the texture was; the
@@ -88,7 +88,7 @@ def faults(model: Model, atlas: core.TextureAtlas) -> dict[str, Callable[[Pixels
 
 
 def repairs(data: Path, names: list[str]) -> str:
-    """Tell what each step brings."""
+    """Measure the gain of each step."""
     rows, least = [], np.inf
     for name in names:
         model = load_model(data, name, SIZE)
@@ -113,7 +113,7 @@ def repairs(data: Path, names: list[str]) -> str:
 
 
 def files(data: Path, names: list[str]) -> str:
-    """Tell what the command makes of GLB files, at its defaults."""
+    """Measure the results of the command on GLB files, with its defaults."""
     rows, least = [], np.inf
     for name in names:
         model = load_model(data, name, SIZE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoising of virtual scans, ours and other ways."""
+"""Denoising of virtual scans, by Shock Filter and by other methods."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ METHODS: dict[str, list[Filter]] = {
     "ours, as if noise were white": [by_the_kernel],
     "sharpened as Scan Cleanup was": [sharpened_everywhere],
 }
-"""What is compared, and the settings of each of which the best counts."""
+"""The compared methods, with the settings that are tried; the best one counts."""
 
 SMOOTHERS = "Laplacian, 3 passes", "Taubin, 10 passes", "sharpened as Scan Cleanup was"
 WORST, MEDIAN, RANGE_PART = 1.2, 1.04, 4.5
@@ -239,7 +239,7 @@ class Half(NamedTuple):
         ]
 
     def goals(self) -> list[Target]:
-        """What our default is to reach."""
+        """The targets for our default."""
         ratios = self.ratios(OURS)
         seen = self.mean(OURS, "normal", lambda case: case.part and case.scanner == RANGE)
         goals = [

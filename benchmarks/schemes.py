@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The paper's schemes that compute the flow anew after each unit of time (A, 3.3), on images.
+"""The paper's schemes that recompute the flow after each unit of time (A, 3.3), on images.
 
 The core offers the fixed flow only, from which *composed* hardly differs; *naive* blurs.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure own sparse matrices, graphs and searches beside those of scipy.
+"""Compare our sparse matrices, graphs and searches with those of scipy.
 
 ``python benchmarks/sparse_matrices.py`` prints a table. The fastest of several runs counts; scipy's
 k-d tree answers on all cores, too.

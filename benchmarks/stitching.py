@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure how charts of a texture that differ in light, tint or offset become one.
+"""Measure how well charts that differ in light, tint or offset are stitched.
 
 ``python benchmarks/stitching.py --data FOLDER --write docs/gradient-benchmarks.md``. Without data,
-a ball made by code stands in. No method can know the light of the whole: what is compared is scaled
+a generated ball is used. No method can know the light of the whole: what is compared is scaled
 by one factor a channel first, or shifted where offsets differ, or both for haze. Values are sRGB,
 as files hold them; exposure is multiplied in linear light.
 """
@@ -123,7 +123,7 @@ def main() -> None:
             )  # fmt: skip
             print("; ".join(rows[-1]), flush=True)
     head = ["", "before", *WAYS, "auto, least gain", "black: difference", "black: auto"]
-    text = f"In {worse} of {cases} cases the result of *Auto* is farther away than the input."
+    text = f"In {worse} of {cases} cases *Auto* is farther from the original than the input."
     names = [BALL, *(FILES if options.data else [])]
     kept = table(
         ["mean change of 255, without other light", "seams: continue", "auto"],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of the seams is seen: numbers on models, and pictures of one made by code."""
+"""Visibility of seams: measurements on models, and pictures of a generated one."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure sharpening of textures: speed, memory, seams and layouts, beside another program.
+"""Measure sharpening of textures: speed, memory, seams, layouts, against another program.
 
 ``python benchmarks/textures.py --data FOLDER --write docs/texture-benchmarks.md`` measures all
-and puts tables and pictures into the page. Without data, shapes made by code stand in.
+and puts tables and pictures into the page. Without data, generated shapes are used.
 """
 
 from __future__ import annotations

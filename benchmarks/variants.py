@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Other ways that the papers have, which the core does not offer: put into it for a while.
+"""Variants from the papers that the core does not offer, patched into it temporarily.
 
 Of paper C, straight distances instead of geodesic ones (a bilateral filter), and pixels that count
 by their area on the surface; of paper D, its function that sharpens dye, and steps of first order.
@@ -36,7 +36,7 @@ def replaced(module: Any, **values: Any) -> Iterator[None]:
 
 
 def distances(kind: str) -> Any:
-    """Have denoising measure distances: "geodesic", as the core does, or "euclidean"."""
+    """Select the distances of denoising: "geodesic", as in the core, or "euclidean"."""
     return nullcontext() if kind == "geodesic" else _straight()
 
 

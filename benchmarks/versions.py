@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An earlier commit beside this tree: seconds, longest time without asking, memory, enabling.
+"""Compare an earlier commit with this tree: seconds, longest wait for Esc, memory, enabling.
 
 Both run the same public functions on the same arrays, in fresh processes by turns, so that a
 machine whose speed drifts treats them alike. Needs git; enabling also needs bpy.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How near spoiled pictures on meshes come to the truth, by each *What* of vertex colors.
+"""Errors of sharpened degraded pictures on meshes, for each *What* of vertex colors.
 
 Pictures are those of `image_sharpening`, read at the vertices of meshes whose edges are about a
 pixel long, and spoiled there: seen through a blur, smoothed from vertex to vertex, with noise.
-Nothing was learned from these pictures or meshes.
+These pictures and meshes are not used for training.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def grid() -> core.TriangleMesh:
 
 
 def remeshed() -> core.TriangleMesh:
-    """What marching cubes make of a bumpy ball: small and large triangles side by side."""
+    """A bumpy ball by marching cubes: small and large triangles side by side."""
     from skimage.measure import marching_cubes
 
     z, y, x = np.mgrid[:64, :64, :64] - 31.5

@@ -85,14 +85,14 @@ MASK = Kind("mask", "mesh file", is_drawn=True)
 
 
 WAYS: Mapping[str, str] = {
-    "flat": "The way in which the surface bends least: along limbs and edges",
-    "bending": "The way in which it bends most: round them",
-    "x": "The X axis, laid onto the surface",
+    "flat": "The direction in which the surface bends least: along limbs and edges",
+    "bending": "The direction in which it bends most: around limbs and edges",
+    "x": "The X axis, projected onto the surface",
     "y": "The Y axis",
     "z": "The Z axis",
     "around_x": "Round the X axis",
     "around_y": "Round the Y axis",
-    "around_z": "Round the Z axis, as on turned metal",
+    "around_z": "Around the Z axis, as on turned metal",
 }
 """Directions on a surface that have names."""
 
@@ -736,7 +736,7 @@ def find(name: str) -> Filter:
 
 
 def public_names() -> dict[str, str]:
-    """Give the module inside `core` of each of its public names."""
+    """Return the module inside `core` of each public name."""
     names = {name: module for module, given in OTHERS.items() for name in given}
     for row in FILTERS:
         names[row.name] = row.module
@@ -753,7 +753,7 @@ def kernel_modules() -> list[str]:
 
 
 def _with_mask_as(function: Any, name: str) -> Any:
-    # A mask says what is missing, rather than where a change is taken.
+    # The mask says which texels are missing, not where the result is taken.
     return lambda *data, mask=None, **words: function(*data, **{name: mask}, **words)
 
 

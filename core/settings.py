@@ -300,8 +300,8 @@ class _FlowSettings(_Settings):
 
     time: float = _setting(
         256.0,
-        "How long values flow towards the edges. 0 changes nothing; 16 is subtle, 256 pulls"
-        " narrow edges together, 4096 wide ones; infinity is the steady state",
+        "How long values flow towards the edges. 0 changes nothing; 16 is subtle, 256 closes"
+        " narrow edges, 4096 wide ones; infinity is the steady state",
         unit="flow time in mean edge lengths",
         soft_maximum=4096.0,
         length_power=4,  # P falls with the square of the lengths, and the flow is its gradient
@@ -327,14 +327,14 @@ WIDTH_OF_SIGMA = 2.5631
 
 _DRAWING = "Flat areas with clean borders, such as masks, cel shading, logos and painted color"
 _PHOTO = "Detail and grain count as much as borders: half as strong, and detail is raised, too"
-_AUTO = "Measure which of these the picture is"
+_AUTO = "Measure whether the picture is a drawing or a photo"
 _BY_PIXELS = (
-    "Decide pixel by pixel, as was learned from made pictures; with a guide or normals, measure"
-    " which of these the picture is"
+    "Decide for each pixel with trained networks; with a guide or normals, measure whether the"
+    " picture is a drawing or a photo"
 )
 _BY_VERTICES = (
-    "Decide vertex by vertex, as was learned from made pictures: detail and borders come out"
-    " sharper, and noise goes"
+    "Decide for each vertex with trained networks: detail and borders become sharper, and noise"
+    " is removed"
 )
 
 
@@ -342,7 +342,7 @@ def _what(default: str, *choices: str, auto: str = _AUTO) -> Any:
     about = {"auto": auto, "drawing": _DRAWING, "photo": _PHOTO}
     return _setting(
         default,
-        "What is sharpened, which says how strongly",
+        "What kind of picture is sharpened, which determines how strongly",
         choices={word: about[word] for word in choices or about},
     )
 
@@ -350,7 +350,7 @@ def _what(default: str, *choices: str, auto: str = _AUTO) -> Any:
 def _amount() -> Any:
     return _setting(
         1.0,
-        "How much of the change is taken. 0 changes nothing, 1 takes all of it",
+        "How much of the change is applied. 0 changes nothing, 1 applies all of it",
         unit="of the change",
         maximum=1.0,
         soft_maximum=1.0,
@@ -369,9 +369,9 @@ class ShockSettings(_Settings):
     what: str = _what("auto", auto=_BY_VERTICES)
     width: float = _setting(
         0.0,
-        "The widest borders that are closed, as wide as their contrast rises from 10 to 90"
-        " percent; wider ones stay soft. 0 measures it; 2 is for borders that are nearly sharp,"
-        " 10 for very soft ones",
+        "The widest borders that are closed, where the width is that from 10 to 90 percent of"
+        " the contrast; wider ones stay soft. 0 measures it; 2 is for borders that are nearly"
+        " sharp, 10 for very soft ones",
         unit="mean edge lengths",
         maximum=64.0,
         soft_maximum=16.0,
@@ -386,9 +386,9 @@ class ShockSettings(_Settings):
         _FlowSettings,
         "time",
         BY_WIDTH,
-        "How long values flow towards the edges, alike everywhere, instead of What and Width. -1"
-        " leaves it to these; 0 changes nothing, 16 is subtle, 256 pulls narrow edges together,"
-        " 4096 wide ones; infinity is the steady state",
+        "How long values flow towards the edges, the same everywhere, instead of What and Width."
+        " -1 uses these; 0 changes nothing, 16 is subtle, 256 closes narrow edges, 4096 wide"
+        " ones; infinity is the steady state",
         minimum=BY_WIDTH,
         advanced=True,
         auto=BY_WIDTH,
@@ -410,7 +410,7 @@ class ShockSettings(_Settings):
         "How values are read at the end of a flow-line",
         choices={
             "linear": "Interpolate between neighbors: removes fine noise",
-            "nearest": "Take the nearest value: keeps noise, and edges harder",
+            "nearest": "Take the nearest value: keeps noise, and makes edges harder",
         },
         advanced=True,
     )
@@ -427,15 +427,16 @@ class ShockSettings(_Settings):
 
 
 def _alpha(sharpened: bool = False) -> Any:
-    stays = " Opacity stays as it is,"
-    by_itself = " Opacity is sharpened by itself unless a time or a guide is given,"
+    stays = " Opacity does not change,"
+    by_itself = " Opacity is sharpened separately unless a time or a guide is given,"
     return _setting(
         "auto",
         "Whether the last channel is opacity."
-        f"{by_itself if sharpened else stays} and transparent pixels lend no color to others",
+        f"{by_itself if sharpened else stays} and colors of transparent pixels do not"
+        " affect others",
         choices={
             "auto": "The last of two or four channels is opacity",
-            "none": "No channel is opacity: all are filtered alike",
+            "none": "No channel is opacity: all are filtered equally",
         },
         advanced=True,
         role="opacity",
@@ -454,8 +455,8 @@ class ImageSettings(ShockSettings):
     width: float = _changed(ShockSettings, "width", 0.0, unit="pixels", counts_in="pixels")
     enlarge: int = _setting(
         1,
-        "How many times higher and wider the result is. 1 keeps the size; with What: Auto, 2, 3, 4,"
-        " 6 and 8 are as was learned from made pictures",
+        "How many times higher and wider the result is. 1 keeps the size; with What: Auto, 2, 3,"
+        " 4, 6 and 8 use trained networks",
         unit="times",
         minimum=1,
         maximum=8,
@@ -472,9 +473,9 @@ class DilateSettings(_Settings):
 
     gutter: int = _setting(
         16,
-        "How far around the charts texels are filled, with what lies across the seam. 0 fills"
-        " only what linear sampling reads, one texel; 64 is enough for six smaller sizes of the"
-        " texture, each half the last",
+        "How far around the UV islands texels are filled, with colors from across the seam. 0"
+        " fills only the one texel that linear sampling reads; 64 is enough for six mipmap"
+        " levels",
         unit="texels",
         maximum=1024,
         soft_maximum=64,
@@ -493,12 +494,12 @@ class DilateSettings(_Settings):
     )
     seams: str = _setting(
         "auto",
-        "What lies beyond a seam for the texels at it",
+        "What texels at a seam find beyond it",
         choices={
             "auto": "Compare both sides all along each seam: continue where they agree, extend"
             " where different materials meet",
-            "continue": "What the surface has beyond the seam, whatever its color",
-            "extend": "More of the same: no color crosses a seam",
+            "continue": "The colors across the seam, whatever they are",
+            "extend": "A continuation of their own colors: no color crosses a seam",
         },
         advanced=True,
         of_data=True,
@@ -511,8 +512,8 @@ def _content() -> Any:
         "What the texture holds",
         choices={
             "values": "Colors or other values that do not depend on the texture's layout",
-            "normals": "Tangent-space normals, as colors: they are turned where values cross to"
-            " a chart that lies turned, and made unit length again",
+            "normals": "Tangent-space normals, as colors: they are rotated where they cross to a"
+            " UV island of another orientation, and normalized",
         },
         advanced=True,
         role="content",
@@ -523,8 +524,8 @@ def _content() -> Any:
 def _content_of_vectors() -> Any:
     return _setting(
         "values",
-        "What the texture holds. Normals are worked on as vectors of the object's space, whichever"
-        " way the charts lie, and get unit length again",
+        "What the texture holds. Normals are filtered as vectors in object space, whatever the"
+        " orientation of the UV islands, and normalized",
         choices={
             "values": "Colors or other values that do not depend on the texture's layout",
             "normals": "Tangent-space normals, as colors; green points up, as in Blender",
@@ -570,8 +571,8 @@ class FilterSettings(DilateSettings):
     )
     radius: float = _setting(
         30.0,
-        "What counts as detail: differences over fewer texels than about this. What is larger stays"
-        " as it is. 2 reaches fine grain only, 200 nearly all of a texture",
+        "Structures up to about this many texels wide count as detail; larger ones do not"
+        " change. 2 affects only fine grain, 200 nearly all of a texture",
         unit="mean texel sizes on the surface",
         minimum=0.1,
         maximum=1e5,
@@ -606,18 +607,18 @@ class StitchSettings(DilateSettings):
         "everywhere",
         "Which texels change",
         choices={
-            "everywhere": "All, so that steps vanish without a trace",
-            "seams": "Those at seams alone: both sides meet there, and all else stays",
+            "everywhere": "All texels, so that steps vanish completely",
+            "seams": "Only those at seams: both sides match there, and all others stay",
         },
     )
     even_out: str = _setting(
         "auto",
-        "How charts or pictures that differ are brought together",
+        "How different charts or pictures are matched",
         choices={
             "auto": "By factors or by differences, whichever explains both sides of the seams"
             " better",
             "brightness": "By factors, as exposure and white balance act: black stays black."
-            " Values below 0, and normals, take differences",
+            " Values below 0, and normals, use differences",
             "difference": "By differences, as in the paper",
         },
     )
@@ -627,7 +628,7 @@ class StitchSettings(DilateSettings):
         "auto",
         "Which steps at seams go",
         choices={
-            "auto": "Those between sides whose detail agrees, or that have none: steps between"
+            "auto": "Those between sides whose detail matches, or that have none: steps between"
             " different materials stay",
             "continue": "All of them",
             "extend": "None: only pictures are joined",
@@ -647,22 +648,22 @@ class FillSettings(DilateSettings):
         choices={
             "auto": "Those of the mask; without one, the transparent ones; without these, the"
             " unseen ones",
-            "opacity": "Those that are wholly transparent, in the mask if there is one",
-            "unseen": "Faces that are black all over, as where no photo saw the surface, in the"
-            " mask if there is one",
+            "opacity": "Those that are fully transparent, in the mask if there is one",
+            "unseen": "Faces that are completely black, as where no photo saw the surface, in"
+            " the mask if there is one",
         },
     )
     surface: str = _setting(
         "membrane",
-        "How colors go on into what is filled",
+        "How colors continue into filled texels",
         choices={
-            "membrane": "As a soap film: between the colors around, without new extremes",
-            "thin_plate": "As a bent plate: slopes go on, too, and it takes longer",
+            "membrane": "Like a soap film: between the colors around, without new extremes",
+            "thin_plate": "Like a bent plate: slopes continue, too, and it takes longer",
         },
     )
     grain: float = _setting(
         0.0,
-        "How much of the fine grain around it what is filled gets. 0 leaves it smooth",
+        "How much fine grain, like that around them, filled texels get. 0 leaves them smooth",
         unit="of that around",
         maximum=2.0,
         soft_maximum=1.0,
@@ -678,8 +679,8 @@ class EnlargeSettings(DilateSettings):
 
     factor: int = _setting(
         2,
-        "How many times higher and wider the texture becomes. 1 only fills the gutter; 2, 3, 4, 6"
-        " and 8 are as was learned from made pictures",
+        "How many times higher and wider the texture becomes. 1 only fills the gutter; 2, 3, 4,"
+        " 6 and 8 use trained networks",
         unit="times",
         minimum=1,
         maximum=8,
@@ -712,34 +713,34 @@ class RepairSettings(DilateSettings):
     )
     denoise: float = _setting(
         1.0,
-        "How much of the noise that is found goes. 0 leaves it",
+        "How much of the measured noise is removed. 0 leaves it",
         unit="of the change",
         maximum=1.0,
         soft_maximum=1.0,
     )
     blocks: float = _setting(
         1.0,
-        "How much is smoothed where JPEG compression left blocks, as a factor of what it took"
-        " away. 0 leaves them",
+        "How strongly blocks of JPEG compression are smoothed, as a factor of the rounding that"
+        " was found. 0 leaves them",
         unit="times",
         maximum=4.0,
         soft_maximum=2.0,
     )
     fill: str = _setting(
         "auto",
-        "What is filled from around it on the surface",
+        "Which texels are filled from their surroundings on the surface",
         choices={
-            "auto": "Transparent texels; without these, faces that are black all over",
+            "auto": "Transparent texels; without these, faces that are completely black",
             "opacity": "Transparent texels",
-            "unseen": "Faces that are black all over, as where no photo saw the surface",
+            "unseen": "Faces that are completely black, as where no photo saw the surface",
             "nothing": "Nothing",
         },
     )
     stitch: str = _setting(
         "seams",
-        "Which texels change so that both sides of each seam meet",
+        "Which texels change so that both sides of each seam match",
         choices={
-            "everywhere": "All, so that charts of other brightness or color become alike",
+            "everywhere": "All texels, so that charts of different brightness or color match",
             "seams": "Those at seams alone",
             "nothing": "None",
         },
@@ -789,8 +790,8 @@ class TileSettings(_Settings):
     )
     even_light: float = _setting(
         0.0,
-        "How much of what is brighter or darker over wide parts is taken out, as it would be seen"
-        " again and again. 0 leaves it, 1 takes all",
+        "How much of the large-scale variation of brightness is removed, since it would show in"
+        " each repetition. 0 keeps it, 1 removes all",
         unit="of the light",
         maximum=1.0,
         soft_maximum=1.0,
@@ -803,7 +804,8 @@ class BlockSettings(_Settings):
 
     strength: float = _setting(
         1.0,
-        "How much is smoothed, as a factor of what compression took away. 0 changes nothing",
+        "How strongly blocks are smoothed, as a factor of the rounding that was found. 0 changes"
+        " nothing",
         unit="times",
         maximum=4.0,
         soft_maximum=2.0,
@@ -818,24 +820,26 @@ class DistanceSettings(_Settings):
         "given",
         "From where distance counts",
         choices={
-            "given": "What is given: vertices, points, edges, or what is painted",
+            "given": "The given sources: vertices, points, edges, or painted areas",
             "border": "Where the mesh ends, too",
-            "seams": "Seams and where the mesh ends, too: the borders of the charts",
+            "seams": "All borders of the charts: seams and borders of the mesh",
         },
     )
     look: str = _setting(
         "distance",
         "What the values are",
         choices={
-            "distance": "The distance itself, in units of the mesh; infinite where no way leads",
+            "distance": "The distance itself, in units of the mesh; infinite on parts that are"
+            " not connected",
             "gradient": "1 at the source, falling to 0 at the width",
             "lines": "Soft lines of equal distance, each a width farther away",
         },
     )
     width: float = _setting(
         0.0,
-        "Where a gradient ends, or how far lines are apart. 0 takes the largest distance for a"
-        " gradient, from edges a width that fits the model, and a tenth of the largest for lines",
+        "Where a gradient ends, or the spacing of lines. 0 is automatic: the largest distance"
+        " for a gradient, a width that fits the model if it starts at edges, and a tenth of the"
+        " largest for lines",
         unit="units of the mesh",
         soft_maximum=10.0,
         length_power=1,
@@ -845,7 +849,7 @@ class DistanceSettings(_Settings):
     )
     smoothing: float = _setting(
         0.0,
-        "How far the ridges are rounded where ways from two sides meet. 0 keeps them sharp",
+        "How far the ridges are rounded where paths from two sides meet. 0 keeps them sharp",
         unit="mean texel sizes on the surface",
         maximum=1e4,
         soft_maximum=100.0,
@@ -864,11 +868,12 @@ class CurvatureSettings(_Settings):
         "mean",
         "Which curvature",
         choices={
-            "mean": "The mean of both ways: edges and bumps positive, valleys and dents negative",
-            "gaussian": "The product of both ways: 0 on what could be unrolled, negative on"
-            " saddles",
-            "convex": "Edges and bumps alone: the greater curvature, 0 where it is negative",
-            "cavity": "Valleys and dents alone: minus the lesser curvature, 0 where that is"
+            "mean": "The mean of both principal curvatures: edges and bumps positive, valleys"
+            " and dents negative",
+            "gaussian": "The product of both principal curvatures: 0 on developable surfaces,"
+            " negative on saddles",
+            "convex": "Only edges and bumps: the greater curvature, 0 where it is negative",
+            "cavity": "Only valleys and dents: minus the lesser curvature, 0 where that is"
             " positive",
         },
     )
@@ -883,7 +888,7 @@ class CurvatureSettings(_Settings):
     )
     white: float = _setting(
         0.0,
-        "The curvature that is white. 0 takes the one that 2 percent of the texels exceed",
+        "The curvature that is white. 0 uses the one that 2 percent of the texels exceed",
         unit="1 / unit of the mesh",
         soft_maximum=100.0,
         auto=0.0,
@@ -891,8 +896,8 @@ class CurvatureSettings(_Settings):
     )
     radius: float = _setting(
         0.0,
-        "How far around each place the surface is fitted. Larger evens out noise. 0 takes 2.5"
-        " edges' lengths",
+        "Radius of the surface fit around each vertex. A larger one smooths noise. 0 uses 2.5"
+        " edge lengths",
         unit="units of the mesh",
         soft_maximum=1.0,
         length_power=1,
@@ -908,7 +913,8 @@ class OcclusionSettings(_Settings):
 
     rays: int = _setting(
         64,
-        "How many rays leave each texel. 16 is quick, 1024 exact; powers of 2 spread most evenly",
+        "Number of rays per texel. 16 is fast, 1024 accurate; powers of 2 are distributed most"
+        " evenly",
         unit="rays",
         minimum=2,
         maximum=65536,
@@ -919,7 +925,7 @@ class OcclusionSettings(_Settings):
     )
     distance: float = _setting(
         0.0,
-        "How far away what stands in the way may be. 0 has no limit",
+        "Largest distance at which surfaces occlude. 0 sets no limit",
         unit="units of the mesh",
         soft_maximum=10.0,
         length_power=1,
@@ -931,12 +937,13 @@ class OcclusionSettings(_Settings):
         "Whether there is a floor",
         choices={
             "none": "No floor",
-            "below": "An endless floor at the lowest point, across the Z axis",
+            "below": "An infinite floor at the lowest point, perpendicular to the Z axis",
         },
     )
     smoothing: float = _setting(
         4.0,
-        "How far the noise of the rays is smoothed at most, along the surface. 0 leaves it",
+        "Largest distance over which the noise of the rays is smoothed along the surface. 0"
+        " leaves it",
         unit="mean texel sizes on the surface",
         maximum=1e3,
         soft_maximum=32.0,
@@ -961,7 +968,7 @@ class ThicknessSettings(_Settings):
     )
     white: float = _setting(
         0.0,
-        "The thickness that is white. 0 takes the largest",
+        "The thickness that is white. 0 uses the largest",
         unit="units of the mesh",
         soft_maximum=10.0,
         length_power=1,
@@ -985,18 +992,18 @@ class WearSettings(_Settings):
 
     kind: str = _setting(
         "edges",
-        "What has come onto the surface, or gone",
+        "Kind of wear on the surface",
         choices={
-            "edges": "Convex edges, rubbed off: more where they are sharper and stick out",
-            "dirt": "Corners and cavities, where nothing wipes",
-            "dust": "What faces up, along the Z axis, below the open sky",
+            "edges": "Worn convex edges: more where they are sharper and exposed",
+            "dirt": "Corners and cavities, where dirt collects",
+            "dust": "Surfaces that face up, along the Z axis, below the open sky",
         },
     )
     width: float = _setting(
         0.0,
-        "How far from an edge wear reaches, how wide the cavities of dirt are, or how high what"
-        " shelters from dust may be. 0 is automatic: 4 or 10 percent of the size, and no limit for"
-        " dust",
+        "How far from an edge wear reaches, how wide the cavities of dirt are, or up to which"
+        " height surfaces shelter from dust. 0 is automatic: 4 or 10 percent of the size, and no"
+        " limit for dust",
         unit="units of the mesh",
         soft_maximum=1.0,
         length_power=1,
@@ -1005,7 +1012,11 @@ class WearSettings(_Settings):
         usual=0.1,
     )
     amount: float = _setting(
-        1.0, "How much of it there is. 0 is black", unit="times", maximum=100.0, soft_maximum=4.0
+        1.0,
+        "Amount of wear, dirt or dust. 0 is black",
+        unit="times",
+        maximum=100.0,
+        soft_maximum=4.0,
     )
     breakup: float = _setting(
         0.6,
@@ -1015,7 +1026,7 @@ class WearSettings(_Settings):
     )
     grain: float = _setting(
         0.0,
-        "Size of the largest spots of the noise. 0 takes 3 percent of the size",
+        "Size of the largest spots of the noise. 0 uses 3 percent of the size",
         unit="units of the mesh",
         soft_maximum=1.0,
         length_power=1,
@@ -1025,7 +1036,7 @@ class WearSettings(_Settings):
     )
     seed: int = _setting(
         0,
-        "Other numbers give other noise",
+        "Another number gives different noise",
         maximum=2**31 - 1,
         advanced=True,
     )
@@ -1079,7 +1090,7 @@ class StreakSettings(_Settings):
     )
     width: float = _setting(
         2.0,
-        "How wide streaks are. Those as wide as long are grains",
+        "How wide streaks are. Streaks as wide as they are long are grains",
         unit="mean texel sizes on the surface",
         maximum=1e4,
         soft_maximum=20.0,
@@ -1088,14 +1099,15 @@ class StreakSettings(_Settings):
     )
     contrast: float = _setting(
         1.0,
-        "How far values go from gray. 0 is gray everywhere, 1 fills the range, more clips",
+        "How far values deviate from middle gray. 0 is gray everywhere, 1 fills the range, more"
+        " clips",
         unit="times the range",
         maximum=100.0,
         soft_maximum=3.0,
     )
     seed: int = _setting(
         0,
-        "Other numbers give other streaks of the same kind",
+        "Another number gives different streaks of the same kind",
         maximum=2**31 - 1,
         soft_maximum=100,
     )
@@ -1108,8 +1120,8 @@ class ReactionSettings(_Settings):
 
     steps: int = _setting(
         1000,
-        "How long the pattern grows. 0 returns the start; about 500 cover the surface, 2000 order"
-        " what is there",
+        "How long the pattern grows. 0 returns the initial spots; about 500 cover the surface,"
+        " 2000 make the pattern regular",
         unit="steps",
         maximum=MOST_STEPS,
         soft_maximum=10_000,
@@ -1125,7 +1137,8 @@ class ReactionSettings(_Settings):
     )
     kill: float = _setting(
         0.06,
-        "How fast the second substance is taken out. More makes spots of stripes, then nothing",
+        "How fast the second substance is removed. More turns stripes into spots, then removes"
+        " them",
         unit="a step",
         maximum=0.2,
         soft_minimum=0.03,
@@ -1144,13 +1157,14 @@ class ReactionSettings(_Settings):
     )
     stretch: float = _setting(
         2.0,
-        "How much longer the pattern is along given directions than across. 1 ignores these",
+        "How much longer the pattern is along the given directions than across. 1 ignores the"
+        " directions",
         unit="times",
         minimum=1.0,
         maximum=8.0,
     )
     seed: int = _changed(
-        StreakSettings, "seed", 0, "Other numbers give other patterns of the same kind"
+        StreakSettings, "seed", 0, "Another number gives a different pattern of the same kind"
     )
     gutter: int = _changed(DilateSettings, "gutter", 16)
 
@@ -1158,8 +1172,8 @@ class ReactionSettings(_Settings):
 def _step() -> Any:
     return _setting(
         2.0,
-        "How far the fastest places move in a frame; all others follow. 0 takes velocities as they"
-        " are, in pixels a frame",
+        "How far the fastest places move per frame; all others move in proportion. 0 uses"
+        " velocities as they are, in pixels per frame",
         unit="pixels",
         maximum=1000.0,
         soft_maximum=10.0,
@@ -1170,7 +1184,7 @@ def _step() -> Any:
 def _periodic() -> Any:
     return _setting(
         "none",
-        "Which sides of the image are joined: what leaves on one comes in on the other",
+        "Which sides of the image are joined: what flows out on one comes in on the other",
         choices={
             "none": "No sides",
             "x": "Left and right",
@@ -1184,7 +1198,7 @@ def _periodic() -> Any:
 def _loop(advanced: bool = False) -> Any:
     return _setting(
         0,
-        "Over how many frames the end becomes the beginning, so that the frames repeat without a"
+        "Over how many frames the end blends into the start, so that the frames repeat without a"
         " jump. 0 does not repeat",
         unit="frames",
         maximum=10_000,
@@ -1203,8 +1217,8 @@ class NoiseSettings(_Settings):
     step: float = _step()
     blending: float = _setting(
         0.1,
-        "How much of each frame is new; the rest is what the frames before show. 0.05 draws long"
-        " streaks, 0.2 short ones; 1 shows the bare noise",
+        "How much of each frame is new; the rest comes from the frames before. 0.05 draws long"
+        " streaks, 0.2 short ones; 1 shows the plain noise",
         unit="of a frame",
         minimum=0.005,
         maximum=1.0,
@@ -1213,8 +1227,8 @@ class NoiseSettings(_Settings):
     )
     convolution: int = _setting(
         0,
-        "How long each frame is smoothed along the flow, which takes jags out of fast streaks."
-        " 0 does not smooth; about the step is enough",
+        "How far each frame is smoothed along the flow, which removes jagged edges of fast"
+        " streaks. 0 does not smooth; about the Speed is enough",
         unit="pixels",
         maximum=100,
         soft_maximum=20,
@@ -1224,8 +1238,8 @@ class NoiseSettings(_Settings):
     contrast: float = _changed(StreakSettings, "contrast", 1.0, advanced=True)
     speed_mask: float = _setting(
         0.0,
-        "How much fast places stand out: slow ones let the background through. 0 shows all alike;"
-        " 1 shows each as much as it is fast, 3 hides only the slowest",
+        "How much fast places stand out: the background shows through slow ones. 0 shows all"
+        " equally; 1 makes the opacity equal to the speed, 3 hides only the slowest",
         unit="exponent",
         maximum=100.0,
         soft_maximum=6.0,
@@ -1233,8 +1247,8 @@ class NoiseSettings(_Settings):
     )
     noise_mask: float = _setting(
         0.0,
-        "How much bright streaks stand out: dark ones let the background through. 0 shows all"
-        " alike; 1 shows each as much as it is bright, 3 hides only the darkest",
+        "How much bright streaks stand out: the background shows through dark ones. 0 shows all"
+        " equally; 1 makes the opacity equal to the brightness, 3 hides only the darkest",
         unit="exponent",
         maximum=100.0,
         soft_maximum=6.0,
@@ -1251,8 +1265,8 @@ class NoiseSettings(_Settings):
     )
     divergence: float = _setting(
         1.0,
-        "How many cells more change where the flow spreads, which draws grains out. 0 changes no"
-        " more, 1 as many as are missing there",
+        "How many more cells change where the flow diverges, which stretches grains. 0 adds"
+        " none, 1 as many as are missing there",
         unit="times those missing",
         maximum=100.0,
         soft_maximum=3.0,
@@ -1260,7 +1274,9 @@ class NoiseSettings(_Settings):
     )
     periodic: str = _periodic()
     loop: int = _loop(advanced=True)
-    seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise", advanced=True)
+    seed: int = _changed(
+        StreakSettings, "seed", 0, "Another number gives different noise", advanced=True
+    )
 
 
 @_fields
@@ -1299,11 +1315,11 @@ class ConvolutionSettings(_Settings):
         StreakSettings,
         "contrast",
         1.0,
-        "How far values go from their mean. 0 leaves averages as they are, 1 fills the range, more"
-        " clips",
+        "How far values deviate from their mean. 0 leaves averages as they are, 1 fills the"
+        " range, more clips",
     )
     periodic: str = _periodic()
-    seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise")
+    seed: int = _changed(StreakSettings, "seed", 0, "Another number gives different noise")
 
 
 @_fields
@@ -1360,16 +1376,16 @@ class GeometrySettings(FitSettings, _FlowSettings):
         "creases",
         "Which parts are sharpened",
         choices={
-            "everywhere": "All that bends more than the threshold allows",
-            "creases": "Creases: face by face a small network tells rounded creases, which close,"
-            " from fillets, relief and what is sharp, which stay",
+            "everywhere": "Everything that bends more than the threshold",
+            "creases": "Creases: a small network finds rounded creases, which are closed;"
+            " fillets, relief and sharp edges stay",
         },
     )
     widest_fillet: float = _setting(
         0.0,
-        "Where only creases are sharpened: the radius up to which roundings are closed; wider ones"
-        " stay. 0 decides place by place; 1 keeps fillets of a radius of 2; 4 closes also what 0"
-        " would leave",
+        "With Where: Creases, the radius up to which roundings are closed; wider ones stay. 0"
+        " decides for each place; 1 keeps fillets of a radius of 2; 4 also closes roundings that"
+        " 0 would keep",
         unit="mean edge lengths",
         maximum=4.0,
         soft_maximum=4.0,
@@ -1396,9 +1412,9 @@ class GeometrySettings(FitSettings, _FlowSettings):
     )
     feature_threshold: float = _setting(
         1.1,
-        "How many times more the surface must bend than around it to be sharpened there. 0"
-        " sharpens everything, and gently curved regions get facets; 2 leaves all but the"
-        " sharpest creases as they are",
+        "How many times more the surface must bend than its surroundings to be sharpened. 0"
+        " sharpens everything, and gently curved regions get facets; 2 keeps all but the"
+        " sharpest creases",
         unit="times the surroundings",
         maximum=100.0,
         soft_maximum=2.0,
@@ -1419,7 +1435,8 @@ class GeometrySettings(FitSettings, _FlowSettings):
     )
     repeat: int = _setting(
         1,
-        "Apply the whole filter again on its own result. 1 is once; 10 takes ten times as long",
+        "How many times the whole filter runs, each time on the last result. 1 is once; 10 takes"
+        " ten times as long",
         unit="times",
         minimum=1,
         maximum=100,
@@ -1440,8 +1457,8 @@ class GeometrySettings(FitSettings, _FlowSettings):
     )
     align_passes: int = _setting(
         2,
-        "Passes in which the slanted faces along a crease take sides, such as a remesh leaves"
-        " there. 0 lets each face follow its own flow-line; 2 straightens saw-teeth",
+        "Passes in which slanted faces along a crease, as a remesh leaves them, take the normal"
+        " of one side. 0 lets each face follow its own flow line; 2 straightens saw teeth",
         unit="passes",
         maximum=100,
         soft_maximum=4,
@@ -1460,8 +1477,8 @@ class GeometrySettings(FitSettings, _FlowSettings):
     )
     crease_freedom: float = _setting(
         0.95,
-        "How much more freely vertices move where faces turn. 0 holds all alike; 0.95 holds those"
-        " at creases up to twenty times less",
+        "How much more freely vertices move where faces turn. 0 holds all equally; 0.95 holds"
+        " those at creases up to twenty times less",
         unit="share of the hold",
         maximum=0.999,
         soft_maximum=0.95,
@@ -1494,8 +1511,8 @@ CUTOFF = 0.01
 def _kernel_time(lengths: str, maximum: float, counts_in: str = "edges") -> Any:
     return _setting(
         1.0,
-        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        f" is a Gaussian of variance 2 * time; 10 averages over 14 {lengths} around, slowly",
+        "Size of the kernel. 0 changes nothing; where values are constant it is a Gaussian of"
+        f" variance 2 * time; 10 averages over 14 {lengths} around, slowly",
         unit=f"squared {lengths}",
         maximum=maximum,
         soft_maximum=10.0,
@@ -1515,9 +1532,9 @@ BETA_UNKNOWN = 7.0
 def _kernel_beta_by_noise(lengths: str) -> Any:
     return _setting(
         BY_NOISE,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many"
-        f" {lengths}. -1 measures the noise, and counts it as about one of these; 0 blurs across"
-        " edges; 30 keeps even faint ones, and noise with them",
+        "How much differences of values count compared with distances: a step from 0 to 1 counts"
+        f" as this many {lengths}. -1 measures the noise, and counts it as about one of these; 0"
+        " blurs across edges; 30 keeps even faint ones, and noise with them",
         unit=f"{lengths} a unit of value",
         minimum=BY_NOISE,
         maximum=1e6,
@@ -1534,8 +1551,9 @@ def _kernel_beta_by_noise(lengths: str) -> Any:
 def _kernel_beta(default: float, lengths: str) -> Any:
     return _setting(
         default,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many"
-        f" {lengths}. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
+        "How much differences of values count compared with distances: a step from 0 to 1 counts"
+        f" as this many {lengths}. 0 blurs across edges; 30 keeps even faint ones, and noise with"
+        " them",
         unit=f"{lengths} a unit of value",
         maximum=1e6,
         soft_maximum=30.0,
@@ -1556,8 +1574,9 @@ class BeltramiMeshSettings(_Settings):
     beta: float = _kernel_beta(3.0, "mean edge lengths")
     iterations: int = _setting(
         1,
-        "How often the kernel is applied, each time measured on the last result. Several short"
-        " times keep edges better than one long time; 10 flattens what lies between edges",
+        "How often the kernel is applied, each time with distances measured on the last result."
+        " Several short times keep edges better than one long time; 10 flattens what lies"
+        " between edges",
         unit="times",
         minimum=1,
         maximum=1000,
@@ -1611,36 +1630,36 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
 
     method: str = _setting(
         "automatic",
-        "How noise is told from the shape",
+        "How noise is distinguished from the shape",
         choices={
-            "automatic": "A small network, which has learned what is noise, mixes many smoothings"
-            " of the faces' directions, face by face",
+            "automatic": "A small network that was trained to recognize noise mixes many"
+            " smoothings of the face normals, separately for each face",
             "beltrami": "One kernel for all faces, as in the paper, with the settings below",
         },
     )
     strength: float = _setting(
         1.0,
-        "How much of the change is taken. 0 changes nothing, 1 takes all of it; 2 goes twice as"
-        " far, beyond the smooth surface",
+        "How much of the change is applied. 0 changes nothing, 1 applies all of it; 2 goes twice"
+        " as far, beyond the smooth surface",
         unit="of the change",
         maximum=2.0,
         soft_maximum=1.0,
     )
     bump_size: float = _setting(
         0.0,
-        "Width of bumps to take away, as photogrammetry leaves them, with all relief that is not"
-        " wider. 0 takes away noise alone, and no bumps; 3 to 5 are usual",
+        "Width of bumps to remove, as photogrammetry leaves them, together with all relief that"
+        " is not wider. 0 removes only noise, and no bumps; 3 to 5 are usual",
         unit="mean edge lengths",
         maximum=20.0,
         soft_maximum=8.0,
         auto=0.0,
         auto_label="None",
-        auto_description="Take away noise alone, and no bumps",
+        auto_description="Remove only noise, and no bumps",
         usual=4.0,
     )
     keep_creases: float = _setting(
         0.5,
-        "How crisp creases come out of the noise. 0 rounds them; at 0.5 they are as they were"
+        "How crisp creases come out of the noise. 0 rounds them; 0.5 leaves them as they were"
         " found; 1 makes them crisp, and smooth shapes faceted",
         unit="of the way from round to crisp",
         maximum=1.0,
@@ -1650,17 +1669,17 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         BeltramiMeshSettings,
         "time",
         0.5,
-        "Time of the kernel, applied at once. 0 changes nothing; on a plane it is a Gaussian of"
-        " variance 2 * time. 10 removes coarse noise, and fine relief with it",
+        "Size of the kernel. 0 changes nothing; on a plane it is a Gaussian of variance 2 *"
+        " time. 10 removes coarse noise, and fine relief with it",
         advanced=True,
     )
     beta: float = _changed(
         BeltramiMeshSettings,
         "beta",
         0.9,
-        "How much the directions of faces count against lengths. At 1, neighbors whose"
-        " directions differ by the noise are one mean edge length farther apart; creases are"
-        " many. 0 blurs across creases; 5 keeps even faint ones, and noise with them",
+        "How much differences of face normals count compared with distances. At 1, a difference"
+        " as large as the noise counts as one mean edge length, and a crease as many. 0 blurs"
+        " across creases; 5 keeps even faint ones, and noise with them",
         unit="mean edge lengths for the noise",
         soft_maximum=5.0,
         advanced=True,
@@ -1669,17 +1688,17 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         BeltramiMeshSettings,
         "iterations",
         3,
-        "How often the kernel is applied, each time measured on the last result. 1 is for"
-        " light noise; 10 is for strong noise, and flattens fine relief",
+        "How often the kernel is applied, each time with distances measured on the last result."
+        " 1 is for light noise; 10 is for strong noise, and flattens fine relief",
         advanced=True,
     )
     filtered: str = _setting(
         "normals",
         "What is filtered",
         choices={
-            "normals": "The directions of the faces, to which the surface is fitted: keeps creases",
-            "positions": "The places of the vertices, as in the paper: rounds creases and shrinks"
-            " a little. Only Strength, Time and Iterations matter then",
+            "normals": "The face normals, to which the surface is fitted: keeps creases",
+            "positions": "The positions of the vertices, as in the paper: rounds creases and"
+            " shrinks the surface a little. Only Strength, Time and Iterations matter then",
         },
         advanced=True,
         label="Filter",
@@ -1688,9 +1707,8 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         GeometrySettings,
         "mollify_passes",
         1,
-        "Smoothing passes on the normals that distances are measured with; those that are"
-        " averaged stay as they are. 0 is for clean surfaces, 1 for noisy ones; 4 blurs"
-        " fine creases",
+        "Smoothing passes on the normals from which distances are measured, but not on those"
+        " that are averaged. 0 is for clean surfaces, 1 for noisy ones; 4 blurs fine creases",
         soft_maximum=4,
     )
     repeat: int = _changed(GeometrySettings, "repeat", 3)

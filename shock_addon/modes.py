@@ -45,7 +45,7 @@ class Preset(Row):
     values: Mapping[str, Any]
 
 
-DEFAULTS = Preset("Defaults", "Sets everything back to what it is at first", {})
+DEFAULTS = Preset("Defaults", "Sets everything back to its default", {})
 """A preset of each mode, first in its list."""
 
 _PAINTERLY = Preset(
@@ -78,7 +78,7 @@ class Target(Row):
         Settings that are shown at first, all others under Advanced. None for what the settings
         say themselves.
     advice : str
-        What helps where nothing has changed, if it is not the mode's.
+        Advice for the report if nothing has changed; by default that of the mode.
     mends_seams : bool
         Whether texels beside the charts count as a change on their own: they show at seams.
     """
@@ -359,13 +359,13 @@ MODES: list[Mode] = [
         "denoising",
         second="beta",
         announced="Will denoise: {}",
-        advice="to take more away raise Time or lower Keep Edges",
+        advice="to remove more, raise Time or lower Keep Edges",
         icon="SMOOTHCURVE",
         presets=(
             Preset(
                 "Noisy CAD Part",
-                "For machine parts: removes the noise, then pulls the creases together, which come"
-                " out a little soft otherwise",
+                "For machine parts: removes the noise, then sharpens the creases, which would"
+                " otherwise stay a little soft",
                 {"then_sharpen": True, "sharpen_time": 1024.0},
             ),
             Preset(
@@ -392,13 +392,13 @@ MODES: list[Mode] = [
         second="beta",
         about_in_images="Remove noise; edges stay",
         announced="Will denoise: {}",
-        advice="to take more away raise Time, or set Keep Edges lower than was measured",
+        advice="to remove more, raise Time, or set Keep Edges lower than the measured value",
         icon="SMOOTHCURVE",
         presets=(
             Preset(
                 "Flat Colors",
-                "For style, and for pictures to be traced: flattens what lies between edges, and"
-                " sharpens these",
+                "For style, and for pictures to be traced: flattens the areas between edges, and"
+                " sharpens the edges",
                 {"beta": 5.0, "iterations": 5, "then_sharpen": True, "sharpen_time": 100000.0},
             ),
         ),
@@ -418,13 +418,13 @@ MODES: list[Mode] = [
         about_in_images="Remove noise on the surface of the selected objects that show it, across"
         " seams",
         announced="Will denoise: {}",
-        advice="to take more away raise Time, or set Keep Edges lower than was measured",
+        advice="to remove more, raise Time, or set Keep Edges lower than the measured value",
         icon="SMOOTHCURVE",
         presets=(
             Preset(
                 "Normal Map",
-                "For tangent-space normals: they are turned where values cross a seam, stay unit"
-                " length, and no channel is taken for opacity",
+                "For tangent-space normals: they are rotated where they cross a seam, stay unit"
+                " length, and no channel is treated as opacity",
                 {"content": "normals", "alpha": "none"},
             ),
         ),
@@ -442,12 +442,12 @@ MODES: list[Mode] = [
         advice="Sharp creases stay as they are; for wide or gentle ones raise Time or lower"
         " Threshold.",
         nothing="Found nothing to sharpen in {meshes}: {changes}, {seconds:.1f} s.",
-        flow="Where normals are pulled: to the creases",
+        flow="Flow of the normals: to the creases",
         presets=(
             Preset(
                 "Subtle",
-                "For surfaces that are nearly right: creases tighten, and vertices move less far"
-                " than by default. Gentle curves stay as they are",
+                "For surfaces that are nearly right: creases become sharper, and vertices move"
+                " less than by default. Gentle curves do not change",
                 {"amount": 0.5},
             ),
             Preset(
@@ -485,7 +485,7 @@ MODES: list[Mode] = [
         "colors",
         announced="Will sharpen: {}",
         advice="for wider edges raise Width",
-        flow="Where colors are pulled: to the edges between them",
+        flow="Flow of the colors: to the edges between them",
         presets=(
             Preset(
                 "Subtle",
@@ -538,8 +538,8 @@ MODES: list[Mode] = [
     Mode(
         "texture",
         "Texture",
-        "Move the colors of an image on the surface that shows it, across seams, so that blurred"
-        " edges in it become sharp",
+        "Move the colors of an image on the surface of its model, across seams, so that blurred"
+        " edges become sharp",
         "sharpen_texture",
         "Turn blurred edges in a texture into sharp ones, on the surface and across UV seams",
         (Target("sharpen_texture", dials=("amount", "width")),),
@@ -564,8 +564,8 @@ MODES: list[Mode] = [
             ),
             Preset(
                 "Normal Map",
-                "For tangent-space normals: they are turned where values cross a seam, stay unit"
-                " length, and no channel is taken for opacity",
+                "For tangent-space normals: they are rotated where they cross a seam, stay unit"
+                " length, and no channel is treated as opacity",
                 {"content": "normals", "alpha": "none"},
             ),
             _PAINTERLY,
@@ -574,8 +574,8 @@ MODES: list[Mode] = [
     Mode(
         "detail",
         "Detail",
-        "Raise or smooth the detail of a texture on the surface that shows it, across seams; what"
-        " is larger than the radius stays",
+        "Raise or smooth the detail of a texture on the surface that shows it, across seams;"
+        " structures larger than the radius stay",
         "filter_texture",
         "Raise or smooth the detail of a texture, on the surface and across UV seams",
         # A larger radius makes logos and letters glow.
@@ -596,8 +596,8 @@ MODES: list[Mode] = [
         presets=(
             Preset(
                 "Fine Grain",
-                "For pores, fabric and rust: raises only what is a few texels wide, and leaves all"
-                " larger light and shade as it is",
+                "For pores, fabric and rust: raises only detail a few texels wide, and keeps all"
+                " larger light and shade",
                 {"radius": 4.0},
             ),
             Preset(
@@ -612,7 +612,7 @@ MODES: list[Mode] = [
             ),
             Preset(
                 "Smooth",
-                "For style, and to paint anew over: detail goes, large colors stay",
+                "For style, and as a base to paint over: detail is removed, large colors stay",
                 {"gain": 0.0},
             ),
         ),
@@ -620,29 +620,30 @@ MODES: list[Mode] = [
     Mode(
         "stitch",
         "Stitch",
-        "Take away the steps at the seams of a texture, such as of baked light or a scan, or make"
-        " one of several pictures of the surface, such as projected photos",
+        "Remove the steps at the seams of a texture, such as of baked light or a scan, or merge"
+        " several pictures of the surface, such as projected photos",
         "stitch_textures",
-        "Take away the steps between the charts of a texture, or make one texture without steps of"
-        " several pictures",
+        "Remove the steps between the charts of a texture, or merge several pictures into one"
+        " texture without steps",
         (Target("stitch_textures", kind="stitch", dials=("radius", ""), mends_seams=True),),
         "Stitched",
         "stitch",
         announced="Will stitch: {}",
         advice="steps that are still seen need a larger Radius",
-        about_in_images="Take away the steps at its seams on the surface of the selected objects"
-        " that show it, or join it with other pictures of them",
+        about_in_images="Remove the steps at its seams on the surface of the selected objects"
+        " that show it, or merge it with other pictures of them",
         icon="MOD_UVPROJECT",
         presets=(
             Preset(
                 "Even Out Charts",
-                "For baked light and scans whose charts differ in brightness or color: brings whole"
-                " charts together, so that no slow change is left beside the seams either",
+                "For baked light and scans whose charts differ in brightness or color: matches"
+                " whole charts, so that no gradual change is left beside the seams either",
                 {"radius": 1000.0},
             ),
             Preset(
                 "Seams Only",
-                "For hairlines: both sides of each seam meet, and all else stays bit for bit",
+                "For fine lines: both sides of each seam match, and everything else stays bit"
+                " for bit",
                 {"where": "seams"},
             ),
         ),
@@ -650,27 +651,28 @@ MODES: list[Mode] = [
     Mode(
         "fill",
         "Fill",
-        "Fill what a texture lacks from around it on the surface, across seams: transparent texels,"
-        " and faces that no photo saw",
+        "Fill missing parts of a texture from their surroundings on the surface, across seams:"
+        " transparent texels, and faces that no photo saw",
         "fill_texture",
-        "Fill transparent, unseen or masked texels smoothly from all that is around them on the"
+        "Fill transparent, unseen or masked texels smoothly from their surroundings on the"
         " surface, across UV seams; all others stay",
         (Target("fill_texture", dials=("", "")),),
         "Filled",
         "repair",
         announced="Will fill: {}",
         advice="what is to be filled may be painted as a mask",
-        about_in_images="Fill what it lacks on the surface of the selected objects that show it",
+        about_in_images="Fill its missing texels on the surface of the selected objects that"
+        " show it",
         icon="SNAP_FACE",
         presets=(
             Preset(
                 "Unseen Faces",
-                "For photogrammetry and generated models: fills faces that are black all over",
+                "For photogrammetry and generated models: fills faces that are completely black",
                 {"find": "unseen"},
             ),
             Preset(
                 "Continue Slopes",
-                "For slow gradients: colors go on as they run in, which takes longer",
+                "For slow gradients: slopes of colors are continued, which takes longer",
                 {"surface": "thin_plate"},
             ),
         ),
@@ -681,8 +683,8 @@ MODES: list[Mode] = [
         "Repair the texture of a generated or photographed model: blocks, noise, unseen faces,"
         " seams, blur",
         "repair_texture",
-        "Remove blocks of compression and noise, fill what no photo saw, bring both sides of seams"
-        " together, and sharpen, each where there is something to do",
+        "Remove blocks of compression and noise, fill faces that no photo saw, match both sides"
+        " of seams, and sharpen, each only where needed",
         (
             Target(
                 "repair_texture",
@@ -712,35 +714,36 @@ MODES: list[Mode] = [
     Mode(
         "enlarge",
         "Enlarge",
-        "Enlarge a texture, sharper than by stretching it; its charts see across their seams",
+        "Enlarge a texture, sharper than by stretching it, and read across its seams",
         "enlarge_texture",
-        "Make a texture higher and wider, with crisp edges; its charts see across their seams what"
-        " the surface has there, so that seams do not show",
+        "Make a texture higher and wider, with crisp edges, and read across its seams, so that"
+        " seams do not show",
         (Target("enlarge_texture", first=("factor",)),),
         "Enlarged",
         "repair",
         announced="Will enlarge: {}",
         about_in_images="Enlarge it on the surface of the selected objects that show it",
         icon="FULLSCREEN_ENTER",
-        presets=(Preset("Four Times", "For textures of 1K that shall become 4K", {"factor": 4}),),
+        presets=(Preset("Four Times", "For textures of 1K that should become 4K", {"factor": 4}),),
     ),
     Mode(
         "tile",
         "Tile",
         "Make opposite sides of an image meet, so that it can be repeated without joints",
         "make_tileable",
-        "Make opposite sides of an image meet in color and slope, without ghosts, so that it can be"
-        " repeated",
+        "Make opposite sides of an image match in color and slope, without ghosts, so that it"
+        " tiles",
         (Target("make_tileable", dials=("radius", "even_light")),),
         "Joined",
         "repair",
         announced="Will join sides: {}",
-        about_in_images="Make opposite sides meet, so that it can be repeated without joints",
+        about_in_images="Make opposite sides match, so that the image tiles without joints",
         icon="MOD_ARRAY",
         presets=(
             Preset(
                 "Even Light",
-                "For photos of ground and walls: light that changes over the picture goes, too",
+                "For photos of ground and walls: light that varies over the picture is removed,"
+                " too",
                 {"even_light": 1.0},
             ),
         ),
@@ -751,7 +754,7 @@ MODES: list[Mode] = [
         "Remove the blocks of JPEG compression from an image; pictures without blocks stay",
         "remove_blocks",
         "Remove the blocks and ringing of JPEG compression, found by their grid; edges stay, and"
-        " pictures without blocks",
+        " pictures without blocks do not change",
         (Target("remove_blocks", dials=("strength", "")),),
         "Cleaned",
         "repair",
@@ -774,7 +777,7 @@ MODES: list[Mode] = [
                 "geodesic_distance",
                 "distance",
                 "Distance",
-                "How far it is along the surface: masks, falloffs and lines",
+                "Distance along the surface: masks, falloffs and lines",
                 kind="distance",
                 defaults={"look": "gradient"},  # which is seen, whatever the object's size
                 dials=("width", "smoothing"),
@@ -783,7 +786,7 @@ MODES: list[Mode] = [
                 "surface_line_convolution",
                 "streaks",
                 "Streaks",
-                "Noise drawn out along a direction: brushed metal, hair, wood",
+                "Noise stretched along a direction: brushed metal, hair, wood",
                 prefix="streak_",
                 kind="streaks",
                 dials=("length", "width"),
@@ -801,7 +804,7 @@ MODES: list[Mode] = [
                 "curvature_map",
                 "curvature",
                 "Curvature",
-                "How the surface bends: masks of edges and of cavities, without facets",
+                "Curvature of the surface: masks of edges and of cavities, without facets",
                 prefix="curvature_",
                 kind="curvature",
                 defaults={"look": "gray"},  # which is seen, whatever the object's size
@@ -811,7 +814,7 @@ MODES: list[Mode] = [
                 "ambient_occlusion",
                 "occlusion",
                 "Occlusion",
-                "How much of the sky each place sees: dirt in corners, contact shadows",
+                "Ambient occlusion, for dirt in corners and contact shadows",
                 prefix="occlusion_",
                 kind="occlusion",
                 dials=("distance", "smoothing"),
@@ -820,7 +823,7 @@ MODES: list[Mode] = [
                 "thickness",
                 "thickness",
                 "Thickness",
-                "How thick the body is behind each place, for light that shines through",
+                "Thickness of the body behind each place, for translucent materials",
                 prefix="thickness_",
                 kind="thickness",
                 defaults={"look": "gray"},
@@ -898,17 +901,17 @@ MODES: list[Mode] = [
             ),
             Preset(
                 "Worn Edges",
-                "For paint and metal: edges are rubbed off where they stick out",
+                "For paint and metal: exposed edges are worn",
                 {"target": "wear"},
             ),
             Preset(
                 "Dirt",
-                "For corners and cavities: what nothing wipes",
+                "For corners and cavities, where dirt collects",
                 {"target": "wear", "wear_kind": "dirt"},
             ),
             Preset(
                 "Dust",
-                "For what faces up, below the open sky",
+                "For surfaces that face up, below the open sky",
                 {"target": "wear", "wear_kind": "dust"},
             ),
             Preset(
@@ -928,7 +931,7 @@ MODES: list[Mode] = [
             ),
             Preset(
                 "Skin and Wax",
-                "For light that shines through: what is thin is black",
+                "For translucent materials: thin places are black",
                 {"target": "thickness"},
             ),
         ),
@@ -936,8 +939,8 @@ MODES: list[Mode] = [
     Mode(
         "visualize",
         "Flow",
-        "Show a flow as a moving texture: where the shock filter pulls, an attribute of vectors, or"
-        " a flow map",
+        "Show a flow as a moving texture: the flow of the shock filter, an attribute of vectors,"
+        " or a flow map",
         "visualize_flow",
         "Show a flow as noise that moves: frames on disk, and an image sequence that plays them",
         (
@@ -945,14 +948,14 @@ MODES: list[Mode] = [
                 "advect_noise",
                 "shape",
                 "Shape",
-                "Where Sharpen Geometry pulls, with that panel's settings: to the creases",
+                "The flow of Sharpen Geometry, with that panel's settings: to the creases",
                 kind="flow",
             ),
             Target(
                 "advect_noise",
                 "colors",
                 "Colors",
-                "Where Sharpen Colors pulls, with that panel's settings: to the edges between"
+                "The flow of Sharpen Colors, with that panel's settings: to the edges between"
                 " colors",
                 kind="flow",
             ),
@@ -960,7 +963,7 @@ MODES: list[Mode] = [
                 "advect_noise",
                 "attribute",
                 "Attribute",
-                "Vectors of the mesh, or numbers in whose way it flows",
+                "Vectors of the mesh, or numbers whose gradient it follows",
                 kind="attribute_flow",
             ),
             Target(
@@ -996,9 +999,10 @@ MODES: list[Mode] = [
     Mode(
         "dilate",
         "Dilate",
-        "Fill the texture around its charts with what lies across the UV seams",
+        "Fill the texture around its UV islands with colors from across the seams",
         "dilate_texture",
-        "Fill the texture around its charts with what lies across the UV seams, so that none shows",
+        "Fill the texture around its UV islands with colors from across the seams, so that no"
+        " seam shows",
         (Target("dilate_texture", first=("gutter", "seams")),),
         "Dilated",
         "textures#dilate-texture",
@@ -1031,7 +1035,7 @@ class Job(Row):
 _TEXTURE = Job(
     "TEXTURE",
     "Texture",
-    "Work on an image on the surface that shows it, across seams",
+    "Filter an image on the surface of its model, across seams",
 )
 
 JOBS = {

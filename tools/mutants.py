@@ -237,7 +237,7 @@ def table(faults: list[Fault], results: dict[str, Result]) -> str:
         by = f"`{by}`" if "::" in by else by
         lines.append(f"| `{fault.file.removeprefix('core/')}` | {fault.name} | {by} |")
     if others:
-        lines += ["", "No test notices these. A reason says why no result could be told apart:", ""]
+        lines += ["", "No test notices these. The reason explains why results do not differ:", ""]
         lines += ["| file | fault | reason |", "|---|---|---|"]
         for fault in others:
             reason = fault.reason or "**none is known: a test is missing**"

@@ -86,7 +86,7 @@ class DyeSource:
     def pulse(self, number: int, repeats: bool) -> int | None:
         """Return the number of the release in a frame; None if there is none.
 
-        If `repeats` is true, frames before the first have releases, too.
+        If `repeats` is true, frames before the first also have releases.
         """
         if number < 0 and not (repeats and self.every):
             return None

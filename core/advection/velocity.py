@@ -37,7 +37,7 @@ _Singles = npt.NDArray[np.float32]
 
 
 class Motion(NamedTuple):
-    """How far each pixel moves in a frame.
+    """The displacement of each pixel in a frame.
 
     Attributes
     ----------

@@ -151,7 +151,6 @@ class TextureAtlas:
         The node, counted along the sheet's rows, whose value each texel receives; -1: none.
     copies : (k, 2) int32
         Nodes inside charts that do not own their texel, each with the node that does.
-        Nodes in charts whose texel gets the value of another one, and that one.
 
     Raises
     ------
@@ -255,10 +254,11 @@ class TextureAtlas:
 
     @cached_property
     def lone(self) -> npt.NDArray[np.int32]:
-        """A face of a chart in which no texel's centre lies, at texels that it reads; -1 elsewhere.
+        """A face of a chart that contains no texel centre, at texels that it reads; else -1.
 
-        (h, w) int32. Such charts lie on a point, on a line, or on less than a texel, as in palettes
-        of colors, and have no value but that of the texels around. What lies in a face is of that.
+        (h, w) int32. Such charts are points, lines, or smaller than a texel, as in palettes of
+        colors. Their values are those of the texels around them. Texels whose centre lies in a face
+        belong to that face.
         """
         sheet, labels = self.sheet, self.charts.labels
         empty = np.ones(len(self.charts.boxes), dtype=np.bool_)

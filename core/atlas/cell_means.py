@@ -23,13 +23,14 @@ from .sheet import NOTHING, ROWS, Sheet
 Singles = npt.NDArray[np.float32]
 
 FINE, COARSE = 4, 16
-"""Texels along a side of the squares."""
+"""Sides of the squares, in texels."""
 
 _PASSES = 10
-"""Of 1/5 to the square itself and to each full neighbour: a variance of 4 squares."""
+"""Smoothing passes, with a weight of 1/5 for a square and each full neighbour: the variance is 4
+squares."""
 
 _INJECTED = 5
-"""Passes that smooth means over the coarse squares, read at the fine ones."""
+"""Passes over the fine squares, after means of the coarse squares are copied to them."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class CellMeans:
         self._coarse_walk = _walk(coarse, sheet, nearest)
         self._parents = _parents(self._fine, coarse)
         self._coarse_count = len(coarse.labels)
-        # What squares without nodes hold: the means beyond the seam, at the ghosts near them.
+        # Squares without nodes hold the means beyond the seam, at the ghosts near them.
         beyond = nearest[sheet.ghosts]
         ghosts = np.flatnonzero(beyond >= 0)
         beyond = self._fine.owners.reshape(-1)[beyond[ghosts]]
@@ -116,7 +117,7 @@ class CellMeans:
         ]
 
     def rows(self, means: Singles, start: int, stop: int) -> Singles:
-        """Read means between the middles of squares: (k, rows, columns); 0 outside charts."""
+        """Interpolate means between centres of squares: (k, rows, columns); 0 outside charts."""
         out = np.zeros((len(means), stop - start, self._sheet.nodes.shape[1]), np.float32)
         fine = self._fine
         _read(start, stop, self._sheet, fine.starts, fine.labels, fine.owners, means[:, 0], out)
@@ -253,7 +254,7 @@ def _find_parents(starts, labels, coarse_starts, coarse_labels, across, wide, ra
 
 @kernel
 def _contacts(owners, beyond):
-    # Pairs of squares whose nodes are next to each other; ghosts count as what lies beyond.
+    # Pairs of squares whose nodes are adjacent; a ghost stands for the node across the seam.
     rows, columns = owners.shape
     count = 0
     for once in range(2):

@@ -118,12 +118,12 @@ class GhostReads(NamedTuple):
     ghosts : (n,) int32
         Row times columns plus column of the ghosts that receive a value.
     corners : (n, 4) int32
-        The same of the nodes that each reads.
+        The same index for the four nodes that each ghost reads.
     weights : (n, 4) float64
     totals : (n,) float64
         The sums of the weights.
     rounds : (_ROUNDS + 1,) int64
-        Where rounds begin in these, and the last one ends.
+        Where the ghosts of each round begin in these arrays, and where the last round ends.
     """
 
     ghosts: Ints
@@ -134,7 +134,7 @@ class GhostReads(NamedTuple):
 
 
 def find_reads(sheet: Sheet, sources: GhostSources) -> GhostReads:
-    """Find what `fill_planes` reads."""
+    """Prepare `fill_planes`."""
     which = np.flatnonzero(sources.cells >= 0).astype(np.int32)
     known = np.zeros(len(sheet.ghosts), dtype=np.bool_)
     found = []
@@ -157,7 +157,7 @@ def find_reads(sheet: Sheet, sources: GhostSources) -> GhostReads:
 
 
 def fill_planes(reads: GhostReads, planes: npt.NDArray[np.float32]) -> None:
-    """Do as `fill_ghosts`, for planes that lie one after the other: (k, rows, columns)."""
+    """Fill ghosts as `fill_ghosts`, but for separate planes: (k, rows, columns)."""
     run(_fill_planes, len(planes), reads, planes, chunk=1)
 
 
@@ -364,7 +364,7 @@ def walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, rotation):
 @kernel
 def _shorter(twins, jacobians, edge, dy, dx):
     # The factor of a step over a half-edge: where one texel covers many beyond the seam, for
-    # example beside slivers in the texture, the step must not skip what lies at the seam.
+    # example beside slivers in the texture, the step must not skip the texels at the seam.
     f = edge // 3
     g = twins[f, edge - 3 * f] // 3
     if g < 0:
@@ -431,7 +431,7 @@ def _find_chained(start, stop, nodes, cells, chained):
 
 @kernel
 def _find_reads(start, stop, which, nodes, sources, known, corners, weights):
-    # As `_add_nodes`; what counts for nothing has the weight 0, and the place of what counts.
+    # As `_add_nodes`; unused nodes have the weight 0 and the place of a used one.
     flat, columns = nodes.reshape(-1), nodes.shape[1]
     cells, places, _ = sources
     for n in range(start, stop):

@@ -168,7 +168,7 @@ def _find_gutter(
         with phase(0.0, 0.6, "Filling the gutter"):
             borders = _nearest_borders(atlas, filled, radius)
         near = ~filled & (borders.edges >= 0) & (borders.squares <= radius * radius)
-        if not made:  # texels around the lone ones are as they were painted, too
+        if not made:  # texels around the lone ones keep what was painted too
             labels = atlas.charts.labels
             lone = np.zeros(len(atlas.charts.boxes), dtype=np.bool_)
             lone[labels[atlas.lone[atlas.lone != NOTHING]]] = True

@@ -20,13 +20,13 @@ from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
 
 _SLIVER = 1e-6
-"""Faces whose area is at most so much of their longest side squared have none: vertices are kept
+"""Faces have no area if it is at most this share of their squared longest side: vertices are stored
 with 24 bits.
 """
 
 MOST_FACES = 4000
 """Most faces that a geodesic crosses. It would cross more only where texels are far larger than
-faces: around a hub. Then it ends early, within the few texels of its length.
+faces, as around a vertex of very many faces. There it ends early, within a few texels.
 """
 
 
@@ -111,8 +111,8 @@ def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasM
 
 
 def _slivers(mesh: TriangleMesh) -> npt.NDArray[np.bool_]:
-    # Faces whose corners lie on a line but for rounding, as where polygons have points on straight
-    # borders: what was measured of them would be noise, and weigh more than all others.
+    # Faces whose corners lie on a line up to rounding, as where polygons have points on straight
+    # borders: their measurements would be noise, and have more weight than all others.
     longest = np.zeros(mesh.face_count)
     for k in range(3):
         ask()

@@ -40,8 +40,8 @@ _TOLERANCE = 3e-2
 """Residual of the least squares, relative to its right-hand side (see `SolveReport`)."""
 
 _SLACK = 0.5
-"""How far a texel may leave the range around it, in multiples of that range. Its own centre is not
-seen; on the chart, where it is seen, values interpolate to ones that both sides have."""
+"""How far a texel may leave the range around it, in multiples of that range. Its centre is not
+visible; on the chart, where it is interpolated, values are in the range of both sides."""
 
 
 class SeamFit:
@@ -77,7 +77,7 @@ class SeamFit:
     def apply(self, values: npt.NDArray[np.float32], step: float) -> None:
         """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
-        Visible values on the charts stay in the range of what is read along the seam there, and no
+        Visible values on the charts stay in the range of values along the seam there, and no
         value leaves the range of the texture. Results will be rounded to multiples of `step`
         (0 for floats), which gives at least that much freedom where values are equal.
         """

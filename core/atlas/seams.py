@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Seams across which a texture continues, told from borders between materials.
+"""Distinguishes seams across which a texture continues from borders between materials.
 
 A seam is cut into parts about a texel long, and texels on both sides of each are compared. Where
 the median step around a part exceeds what chance and the change within each side explain, the part
@@ -7,7 +7,7 @@ is closed, as a border between materials: nothing crosses it. Stray texels and e
 seam have no effect, as parts are decided together with those near them along the seam.
 
 Beside faces without area in the texture, as those on one point of a palette, there are no texels on
-one of the sides: there, what is painted at the seam itself is compared.
+one of the sides: there, the texels at the seam itself are compared.
 """
 
 from __future__ import annotations
@@ -280,7 +280,7 @@ def _rotate(alpha, rotation, color):
 @kernel
 def _look(atlas, metric, values, alpha, normals, edge, share, other, step, back, b, rotation, out):
     # Reads beside a half-edge, a step inside its chart. If the chart has no texels of its own
-    # there, as in slivers, reads what lies behind them: a step `back` over the half-edge of the
+    # there, as in slivers, reads the texels behind it: a step `back` over the half-edge of the
     # other side ends there. Normals are rotated to that side.
     sheet = atlas[0]
     y, x = place_on_edge(sheet.points, edge, share)

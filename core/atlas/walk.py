@@ -30,7 +30,7 @@ _MOST_SHORT = 100  # crossings in a row with less than that between them
 
 
 class SheetFlow(NamedTuple):
-    """What a walk on a sheet follows; its parts are those of `core.grid.walk`.
+    """The flow that a walk on a sheet follows; its parts are those of `core.grid.walk`.
 
     Attributes
     ----------

@@ -24,8 +24,8 @@ _Result = TypeVar("_Result")
 def by_keyword(function: Callable[_Words, _Result]) -> Callable[_Words, _Result]:
     """Name the keywords in the `TypeError` of a call that gives too much by position.
 
-    Public functions take the data by position, the settings that follow them, too, and all else
-    by keyword. Python itself only counts the arguments.
+    Public functions take the data and the settings after it by position, and all else by keyword.
+    Python's own message only counts the arguments.
     """
     code, name = function.__code__, function.__qualname__.removesuffix(".__init__")
     places = code.co_varnames[: code.co_argcount]

@@ -234,7 +234,7 @@ def _part_fits(given: str, taken: str) -> bool:
 
 
 def _key(value: Any) -> Any:
-    # What is equal for two values has the same type in the table; cheaper than its name.
+    # A key that is equal only for values of one type in the table; cheaper than the type's name.
     if type(value) is np.ndarray:
         return value.dtype, value.ndim, value.flags.num
     if isinstance(value, tuple):

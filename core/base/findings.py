@@ -76,7 +76,7 @@ _listening: ContextVar[list[Finding] | None] = ContextVar("shock_filter_findings
 
 @contextmanager
 def gathering() -> Iterator[list[Finding]]:
-    """Gather the findings of the block; an enclosing `gathering` gets them, too."""
+    """Gather the findings of the block; an enclosing `gathering` also gets them."""
     outer = _listening.get()
     found: list[Finding] = []
     token = _listening.set(found)

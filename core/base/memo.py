@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memoization: results kept with the object they were computed from, for the next run on it."""
+"""Memoization: caches results with the object they were computed from, for the next run on it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 
 
 def kept(owner: Any, name: str, key: tuple[Any, ...], make: Callable[[], Result]) -> Result:
-    """Return the kept result of this owner and key, or keep and return that of `make`.
+    """Return the cached result of this owner and key, or call `make` and cache its result.
 
     The last result of each name lives as long as the owner. Callers must not modify it.
 

@@ -13,11 +13,12 @@ import itertools
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from threading import Event
 from typing import Any
 
+from ..errors import Cancelled
 from .compiled import Kernel, library
 from .progress import ask, reporting
 
@@ -122,7 +123,7 @@ def beside() -> Iterator[Callable[..., Future[Any]]]:
 
 
 _PATIENCE = 0.05
-"""Seconds between two questions while others work."""
+"""Seconds between two checks for cancelling while other threads work."""
 
 
 def run(
@@ -134,13 +135,14 @@ def run(
     """Call ``function(start, stop, *arguments)`` for all chunks of ``range(count)``.
 
     The calling thread works too, and calls `ask` between its chunks (see `progress`). A chunk has
-    `chunk_size` indices unless `chunk` is given.
+    `chunk_size` indices unless `chunk` is given. A function whose chunks take long calls `ask`
+    itself: in the calling thread it reports, and in all threads it ends a run that was cancelled.
 
     Raises
     ------
     Cancelled
         If the progress callback cancels. Before any exception leaves this function, running chunks
-        finish, so that no thread writes to the arrays any more.
+        finish, or end at their next `ask`, so that no thread writes to the arrays any more.
     """
     chunk = chunk or chunk_size(count)
     chunks = -(-count // chunk)
@@ -155,12 +157,16 @@ def run(
             while not stopped and (number := next(numbers)) < chunks:
                 start = number * chunk
                 call(start, min(start + chunk, count))
-                ask((number + 1) / chunks)  # answers in the calling thread only
+                ask((number + 1) / chunks)
         except BaseException:
             stopped = True
             raise
 
-    futures = [_pool().submit(work) for _ in range(helpers)]
+    def help_out() -> None:
+        with suppress(Cancelled), reporting(lambda *_: not stopped):
+            work()
+
+    futures = [_pool().submit(help_out) for _ in range(helpers)]
     try:
         work()
     finally:

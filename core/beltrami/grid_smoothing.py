@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 _ROWS = 16  # most rows that are smoothed at once
 
 REACHED = 2_000_000
-"""About how many pixels the kernels of those smoothed at once reach: tenths of a second."""
+"""Approximate number of pixels that the kernels of a chunk reach: tenths of a second."""
 
 FASTEST = 1e38
 """Near the end of float32."""
@@ -144,7 +144,7 @@ def smooth_rows(
     limit, rate : float32
         Squared distance beyond which weights are 0, and the one by which they fall: exp(-rate d^2).
     half_window : int
-        How many pixels the kernel reaches each way; -1: as far as the limit.
+        Radius of the kernel in pixels; -1: as far as the limit.
     rows : (h, 2) int64
         For each row, the first row that its pixels reach, and the end of these rows.
     unsplit : (h,) int64

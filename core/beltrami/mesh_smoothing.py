@@ -138,7 +138,7 @@ def smooth_faces(
 
 
 def _extent(settings: BeltramiMeshSettings, count: int, has_hubs: bool) -> tuple[float, int, int]:
-    # How far the kernel reaches, how many it reaches at most, and how many marches make a chunk.
+    # The radius of the kernel, the most faces that it reaches, and the number of marches per chunk.
     limit = math.sqrt(settings.limit)
     around = min(2.0 * math.pi * limit**2 + 1.0, count)
     most = ALL

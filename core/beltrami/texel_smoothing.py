@@ -20,7 +20,7 @@ from .grid_smoothing import FASTEST, REACHED, smooth_rows
 log = logging.getLogger(__name__)
 
 _TIMES = 3.0
-"""How many times more texels than in squares a kernel reaches where they are stretched, at most."""
+"""A kernel reaches at most this factor more texels where they are stretched than where square."""
 
 _TILE = 64
 """Most texels along a tile; tiles are small where kernels are large, so that cancelling is fast."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..files.output import Outcome
 
 Command = Filter
-"""A row of a command, also of those that are no filters."""
+"""The row of a command, also of commands that are no filters."""
 
 
 def _texture_mask_file() -> Any:
@@ -37,7 +37,7 @@ TEXTURE_MASK = Command(
     takes_mask=False,
 )
 COMMANDS = (*FILTERS, TEXTURE_MASK)
-"""Those of all backends."""
+"""The commands of all backends."""
 
 MODEL = Kind("model", "model files with textures")
 """Meshes with the images that their materials show."""
@@ -72,7 +72,7 @@ def _bake_file() -> Any:
 
 
 MAPS = tuple(name for name in SUFFIXES if name != "colors")
-"""What is baked: the maps of `core.bake_maps` that need no colors."""
+"""Maps that can be baked: those of `core.bake_maps` that need no colors."""
 
 BAKE_MAPS = Command(
     "bake_maps",

@@ -191,7 +191,7 @@ class FileBackend:
 
 
 def _measured(path: str, settings: Any, asked: Any) -> Any:
-    # What counts of another image.
+    # The measurements of another image.
     from ..color.image_sharpening import measure_image
     from ..files.image_formats import read_image
 

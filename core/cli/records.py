@@ -3,7 +3,7 @@
 
 Each output has its own small file in the folder ``.shock-filter`` beside it, so that no two workers
 write the same one. It is written before the output is moved to its place, and holds digests: of
-everything that the output was made from, of the complete output, and of what was there before. A
+everything that the output was made from, of the complete output, and of the file before it. A
 damaged or missing record matches nothing, and only costs time.
 """
 
@@ -128,7 +128,7 @@ class Record:
         for output in self._others:
             new = first.with_name(output.name)
             if new.is_file():
-                # What has the same contents already is not moved.
+                # Files with the same contents are not moved.
                 self._note_whole(output, _state(output if is_same(new, output) else new))
 
     def complete(self) -> None:

@@ -27,7 +27,7 @@ DONE, FAILED, INTERRUPTED = 0, 1, 130
 
 
 class Job(NamedTuple):
-    """What is done with each file."""
+    """The work to do with each file."""
 
     backend: Backend
     settings: Any

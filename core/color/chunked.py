@@ -6,10 +6,10 @@ filtered together with its halo, the pixels around it that influence it. The len
 is not known in advance: if one leaves the halo, the chunk runs again with a halo twice as wide, at
 last with the whole image; `counting_reruns` counts this.
 
-What, Width, the noise and how much detail there is depend on the whole image. They are measured
-when the function is called, in windows all over the image, unless networks enlarge it, which need
-none of them; small images are looked at for pixel art then. Everything else is computed with the
-result, so that no chunk stays in memory in between.
+What, Width, the noise and the detail depend on the whole image. They are measured when the function
+is called, in windows all over the image. If networks enlarge it, they need none of these, but small
+images are tested for pixel art. Everything else is computed with the result, so that no chunk stays
+in memory in between.
 
 Only the functions here import dask.
 """
@@ -68,8 +68,8 @@ log = logging.getLogger(__name__)
 Dask = Any
 """A dask array; dask is imported where one is at hand."""
 
-_ENLARGED = 2  # pixels around one that count where an image is enlarged
-_WALK = 8  # pixels that flow-lines may go, at least, before a chunk runs again
+_ENLARGED = 2  # radius in pixels of the interpolation that enlarges an image
+_WALK = 8  # least length of flow-lines, in pixels, before a chunk runs again
 _LEARNED_WALK = 24
 _LONG_WALK = 64
 
@@ -78,7 +78,7 @@ _counted: ContextVar[list[Dask] | None] = ContextVar("shock_filter_reruns", defa
 
 @contextmanager
 def counting_reruns() -> Iterator[list[Dask]]:
-    """Gather how often chunks run again.
+    """Count how often chunks run again.
 
     Yields
     ------
@@ -116,7 +116,7 @@ def sharpen_chunks(
     known: Measured | None = None,
     guide: npt.ArrayLike | None = None,
 ) -> Dask:
-    """Sharpen a dask array as `sharpen_image` does; mask and guide may be dask arrays, too."""
+    """Sharpen a dask array as `sharpen_image` does; mask and guide may be dask arrays too."""
     pixels = _checked_picture(image)
     weights = _checked_mask(mask, pixels)
     lead = _checked_lead(guide, pixels, settings)
@@ -151,7 +151,7 @@ def measure_chunks(image: Dask, settings: ImageSettings) -> Measured:
 
 
 def smooth_chunks(image: Dask, settings: BeltramiSettings, mask: npt.ArrayLike | None) -> Dask:
-    """Denoise a dask array as `beltrami_image` does; the mask may be one, too."""
+    """Denoise a dask array as `beltrami_image` does; the mask may be a dask array too."""
     pixels = _checked_picture(image)
     weights = _checked_mask(mask, pixels)
     sources = [pixels] if weights is None else [pixels, weights]
@@ -174,7 +174,7 @@ def evolve_chunks(image: Dask, steps: int, time_step: float, detector: int) -> D
 
 
 def _checked_picture(image: Dask) -> Dask:
-    # As (h, w, c), with all channels in a chunk.
+    # As an array (h, w, c) with all channels in one chunk.
     if any(math.isnan(n) for n in image.shape):
         raise InvalidSignal(
             "The dask array does not know its shape; call its compute_chunk_sizes() first."
@@ -184,7 +184,7 @@ def _checked_picture(image: Dask) -> Dask:
 
 
 def _checked_mask(mask: npt.ArrayLike | None, pixels: Dask) -> Dask | None:
-    # As (h, w, 1); what dask holds is checked when it is computed.
+    # As an array (h, w, 1). The values of dask arrays are checked when they are computed.
     if mask is None:
         return None
     if is_dask(mask):
@@ -225,7 +225,7 @@ class _Windows:
 
 
 class _View:
-    """An image as its borders are measured, read window by window: enlarged, opacity in [0, 1]."""
+    """An image for the measurement of borders, read by windows: enlarged, opacity in [0, 1]."""
 
     def __init__(self, pixels: Dask, settings: ImageSettings) -> None:
         self._pixels, self._settings = pixels, settings
@@ -278,14 +278,14 @@ def _measured(
 def _reach_of_sharpening(
     settings: ImageSettings, found: Sequence[Measured], has_guide: bool
 ) -> tuple[int, int]:
-    # The margin where the flow is not known, and the halo, in pixels of the result.
+    # The margin in which the flow is not known, and the halo, in pixels of the result.
     if settings.is_neutral:
         margin = around = walk = 0
     elif is_enlarged_as_learned(settings, has_guide):
         margin, around, walk = 0, settings.enlarge * reach_of_steps(settings.enlarge), 0
     elif is_learned(settings, has_guide):
         margin, moved = reach(settings.smoothing_passes)
-        around, walk = 0, moved + _LEARNED_WALK + CELL  # where squares of pixels begin
+        around, walk = 0, moved + _LEARNED_WALK + CELL  # a part begins at a multiple of CELL
     elif settings.by_width:
         margin, around = np.max([reach_by_width(each, settings) for each in found], axis=0)
         walk = _WALK + math.ceil(2.0 * max(each.width for each in found))
@@ -343,14 +343,14 @@ class _Wanted(NamedTuple):
     right: int
 
     def with_halo(self, halo: int, shape: tuple[int, int]) -> tuple[slice, slice]:
-        """Rows and columns with those around them."""
+        """Return the rows and columns of the chunk with its halo."""
         return (
             slice(max(self.top - halo, 0), min(self.bottom + halo, shape[0])),
             slice(max(self.left - halo, 0), min(self.right + halo, shape[1])),
         )
 
     def part(self, halo: int, shape: tuple[int, int]) -> Part:
-        """Where the chunk lies in that."""
+        """Return the position of the chunk within itself and its halo."""
         rows, columns = self.with_halo(halo, shape)
         return Part(
             (rows.stop - rows.start, columns.stop - columns.start),
@@ -362,7 +362,7 @@ class _Wanted(NamedTuple):
 
 
 class _Sources:
-    """Dask arrays that tasks cut more out of; dask does not look into it."""
+    """Dask arrays that tasks cut larger halos from; opaque to dask."""
 
     def __init__(self, arrays: Sequence[Dask]) -> None:
         self.arrays = tuple(arrays)
@@ -376,7 +376,7 @@ def _over_chunks(
     halo: int,
     times: int = 1,
 ) -> Dask:
-    # Each chunk is one task; chunks that are smaller than the halo are joined for that.
+    # Each chunk is one task; chunks smaller than the halo are joined first.
     import dask
     import dask.array
 
@@ -392,7 +392,7 @@ def _over_chunks(
     (tops, bottoms), (lefts, rights) = map(_edges, chunks)
     for i, j in np.ndindex(wanted.shape):
         wanted[i, j] = _Wanted(tops[i], bottoms[i], lefts[j], rights[j])
-    # Blocks of these are pairs, into which dask does not look.
+    # The blocks of this array are pairs of a result and a number of reruns, opaque to dask.
     both = dask.array.blockwise(
         _filter_chunk,
         "yx",
@@ -448,7 +448,7 @@ def _edges(chunks: Sequence[int]) -> tuple[list[int], list[int]]:
 def _filter_chunk(
     wanted: npt.NDArray, *crops: npt.NDArray, function: Any, halo: int, sources: _Sources
 ) -> tuple[npt.NDArray, int]:
-    # The chunk's result, and how often it ran again.
+    # Returns the result of a chunk, and how often it ran again.
     window: _Wanted = wanted[0, 0]
     reruns = 0
     parts: Sequence[npt.NDArray] = crops

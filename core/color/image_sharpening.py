@@ -49,23 +49,22 @@ def sharpen_image(
     out : array like `image`, optional
         Array for the result, which may be memory-mapped. Undefined after an error. Not for dask.
     known : Measured, optional
-        Result of `measure_image` for a larger image, of which this is a part.
+        Result of `measure_image` for the larger image that this one is a part of.
     guide : (h, w) or (h, w, c) array, optional
-        Another image of the same size, whose flow moves the values instead of their own, so that
-        both have their borders in the same places. What and Width are measured in the guide. The
-        last of two or four channels is opacity. Not for independent channels.
+        Another image of the same size, whose flow moves the values in place of their own flow, so
+        that both images have borders in the same places. What and Width are measured in the guide.
+        The last of two or four channels is opacity. Not for independent channels.
 
     Returns
     -------
     array like `image`
         `ImageSettings.enlarge` times as high and wide. Each value is within the range of the input
         near it, up to rounding to single precision. A time of 0 returns the input bit for bit, or
-        enlarged by a cubic. Pixel art stays, and is enlarged by whole pixels, see
-        `color.pixel_art`. Opacity (see
-        `ImageSettings.alpha`) is sharpened by itself; it stays where a time is given, or a guide.
-        Hidden pixels stay hidden. A dask array gives a dask array, computed later chunk
-        by chunk, with the same bits; what counts of the whole is measured at once. See
-        `color.chunked`.
+        enlarged by cubic interpolation. Pixel art is not sharpened, and is enlarged by repeating
+        pixels, see `color.pixel_art`. Opacity (see `ImageSettings.alpha`) is sharpened by itself;
+        with a time or a guide it is not sharpened. Hidden pixels stay hidden. A dask array gives a
+        dask array, computed later chunk by chunk, with the same bits; only measurements of the
+        whole image are made at once. See `color.chunked`.
 
     Raises
     ------

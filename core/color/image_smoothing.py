@@ -26,20 +26,20 @@ _FARTHEST = 1e15  # its square is far from the ends of float32
 _LEAST_NOISE, _MOST = 1e-30, 1e6
 
 _TOLD = 1e-3
-"""Noise that is told with its number: rounding to bytes is as much."""
+"""Least noise that is reported as a number: rounding to bytes makes as much."""
 
 
 _NOISE = 1.1
-"""How many pixels away noise of one standard deviation is.
+"""Distance, in pixels, that a difference of one standard deviation of the noise counts as.
 
-Chosen on pictures of `tools/training/image_examples.py`, for the gain in decibels and its least.
+Chosen on pictures of `tools/training/image_examples.py`, by the mean and the least gain.
 """
 
 
 def with_beta(
     settings: BeltramiSettings, image: Any, inside: npt.NDArray[np.bool_] | None = None
 ) -> Any:
-    """Return settings whose `beta` follows from the noise, if they leave it to that.
+    """Return settings whose `beta` follows from the noise, if `settings.by_noise` says so.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def with_beta(
     image : (h, w, c) array
         Or an object whose windows are read as those of arrays.
     inside : (h, w) bool, optional
-        The pixels to look at.
+        The pixels in which noise is measured.
     """
     if not settings.by_noise:
         return settings
@@ -90,7 +90,7 @@ def smoothed(
     ----------
     given : (h, w) or (h, w, c) array
     points : (h, w, 3) or (h, w, 0) array
-        Places of the pixels in mean distances between neighbours; the latter for a flat image.
+        Positions of the pixels, in mean distances between neighbours; (h, w, 0) for a flat image.
     settings : BeltramiSettings
     mask : (h, w) array of float, optional
     smooth : {"image", "embedding", "both"}

@@ -36,7 +36,7 @@ from .learned.report import tell_opacity
 from .pixel_art import is_for_pixel_art, put_pixels, told_pixel_art
 
 LARGEST = 1e15
-"""Beyond, squares of what borders are measured by leave the range of float32."""
+"""Largest absolute value: with larger ones, the measurement of borders would overflow float32."""
 
 
 def sharpen_checked(
@@ -120,7 +120,7 @@ def large_pixels(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
     weighing = opacity_in_range(pixels, alpha)
     scale = SCALES[pixels.dtype.name]
     large = enlarged(weighing, settings.enlarge, scale, alpha)
-    if weighing is not pixels:  # it stays as it is
+    if weighing is not pixels:  # opacity itself is not clipped
         own = np.ascontiguousarray(pixels[..., alpha, None])
         large[..., alpha] = enlarged(own, settings.enlarge, scale, 0)[..., 0]
     return large
@@ -174,7 +174,7 @@ def _tell_opacity(
     lead: npt.NDArray | None,
     part: Part | None,
 ) -> None:
-    # Decided by the result, after it was mixed.
+    # Reports if opacity differs in the final result.
     if part is not None:
         old, new = old[part.rows, part.columns], new[part.rows, part.columns]
     alpha = opacity_channel(old.shape[2], settings.alpha)
@@ -190,7 +190,7 @@ def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArra
 
 
 def measured_whole(pixels: npt.NDArray, channels: Channels, settings: ImageSettings) -> Measured:
-    """Measure all that may count when some channels of an image are sharpened."""
+    """Measure all that the sharpening of some channels of an image may need."""
     found = measured(pixels, channels, settings, enlarge=settings.enlarge)
     if is_learned(settings, False):
         return with_detail(found, pixels, channels)
@@ -203,9 +203,9 @@ def measured_each(
     settings: ImageSettings,
     known: Measured | None = None,
 ) -> tuple[Measured, ...]:
-    """Measure each group of channels; or the guide, and the image's borders beside it.
+    """Measure each group of channels; with a guide, the guide and the borders of the image.
 
-    What is `known` is not measured, but for the latter.
+    If `known` is given, only the borders of an image with a guide are measured.
     """
     scale = SCALES[pixels.dtype.name]
     if lead is None:
@@ -280,7 +280,7 @@ def _sharpen_into(
 
 
 def _hide(old: npt.NDArray, new: npt.NDArray) -> None:
-    # What was hidden has no color to show.
+    # Hidden pixels stay hidden, because they have no color.
     with aside("Sharpening"):
         for band in blocks(len(old), BAND):
             np.copyto(new[band], old[band], where=old[band] == 0)
@@ -315,7 +315,7 @@ def _flow_into(
     settings: ImageSettings,
     part: Part | None,
 ) -> None:
-    # Channels of the pixels follow the flow of the guide's.
+    # The channels of the pixels follow the flow of the guide.
     domain = GridDomain.of(pixels, channels, settings, part)
     leading = GridDomain.of(lead, guides, settings, part)
     passes = settings.smoothing_passes

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixel art: how far a small image is some, so that it stays sharp, also when it is enlarged.
+"""Detects pixel art, which stays as it is, and is enlarged by repeating pixels.
 
-Not in the papers. Pixel art is small, has few colors, and hard steps between them; drawings, logos
-and texts that are antialiased have colors between both sides of a step there, and photos have many.
-`benchmarks/pixel_art.py` shows how far apart these are.
+Not in the papers. Pixel art is small, and has few colors with hard steps between them. Antialiased
+drawings, logos and texts have intermediate colors at their steps, and photos have many colors.
+`benchmarks/pixel_art.py` measures how well these are separated.
 """
 
 from __future__ import annotations
@@ -18,34 +18,34 @@ from ..grid.channels import opacity_channel
 from ..settings import ImageSettings
 
 LARGEST_PIXEL_ART = 1 << 18
-"""Images of so many pixels are none."""
+"""Images of this many pixels or more are not pixel art."""
 
 _PIXELS = 1 << 17, LARGEST_PIXEL_ART
-"""Up to how many pixels an image may be pixel art, and from how many it is none. The following
-likewise."""
+"""Ramp of the number of pixels: up to the first value an image may be pixel art, from the second on
+it is not. The following pairs are such ramps too."""
 
 _COLORS = 128, 256
 _COLORS_PER_PIXEL = 0.1, 0.2
 
 _BETWEEN = 0.12, 0.16
-"""Steps, of all between neighbors in a row or column, behind which the next goes on in the same
+"""Share of the steps between neighbors in rows and columns that the next step continues in the same
 direction."""
 
 _STEP = 0.08, 0.04
-"""Median of the steps, in the channel that differs most; values are in [0, 1]."""
+"""Median size of the steps, in the channel that differs most; values are in [0, 1]."""
 
 _SAME_DIRECTION = 0.9
-"""Cosine between two steps, as vectors of colors."""
+"""Least cosine between two steps of the same direction, as vectors of colors."""
 
 
 def is_for_pixel_art(settings: ImageSettings, has_guide: bool) -> bool:
-    """Whether pixel art is looked for: not if a time, What, a width or a guide is given."""
+    """Return whether to test for pixel art: not if a time, What, a width or a guide is given."""
     by_itself = settings.by_width and settings.what == "auto" and settings.width == 0
     return by_itself and not (has_guide or settings.is_neutral)
 
 
 def told_pixel_art(pixels: npt.NDArray, settings: ImageSettings) -> float:
-    """Measure how far an image is pixel art, as `pixel_art` does, and report it."""
+    """Call `pixel_art` for an image, and report if it is."""
     with aside("Enlarging" if settings.enlarge > 1 else "Sharpening"):
         share = pixel_art(pixels, opacity_channel(pixels.shape[2], settings.alpha))
     if share >= 0.5 and settings.enlarge == 1:
@@ -56,18 +56,18 @@ def told_pixel_art(pixels: npt.NDArray, settings: ImageSettings) -> float:
 
 
 def pixel_art(pixels: npt.NDArray, alpha: int = -1) -> float:
-    """Measure how far an image is pixel art.
+    """Estimate whether an image is pixel art.
 
     Parameters
     ----------
     pixels : (h, w, c) array
     alpha : int
-        The channel that is opacity, or -1; colors count as far as they are visible.
+        The channel that is opacity, or -1; colors are multiplied by it.
 
     Returns
     -------
     float
-        1 if it is, 0 if not; between for few images.
+        1 if it is, 0 if not; seldom in between.
     """
     height, width = pixels.shape[:2]
     if not 0 < height * width < _PIXELS[1]:
@@ -103,13 +103,13 @@ def pixel_art(pixels: npt.NDArray, alpha: int = -1) -> float:
 def put_pixels(
     pixels: npt.NDArray, share: float, times: int, alpha: int, target: npt.NDArray
 ) -> None:
-    """Mix an enlarged image with the one whose pixels became squares.
+    """Mix an enlarged image with one that is enlarged by repeating pixels.
 
     Parameters
     ----------
     pixels : (h, w, c) array
     share : float
-        Of the squares; 1 replaces all values.
+        Weight of the repeated pixels; 1 replaces all values.
     times : int
     alpha : int
         The channel that is opacity, or -1.
@@ -123,7 +123,7 @@ def put_pixels(
             target[...] = squares
             return
         shares = np.full((*target.shape[:2], 1), share, target.dtype)
-        if alpha >= 0:  # hidden pixels lend no color
+        if alpha >= 0:  # hidden pixels add no color
             shown = share * squares[..., alpha, None]
             both = shown + (1.0 - share) * target[..., alpha, None]
             shares = np.where(both > 0, shown / np.where(both > 0, both, 1.0), shares)
@@ -133,7 +133,7 @@ def put_pixels(
 
 
 def _number_of_colors(values: npt.NDArray[np.float64]) -> int:
-    # Distinct colors have distinct sums, but by a chance in 2^50.
+    # Distinct colors have distinct sums, except by a chance of about 2^-50.
     sums = np.zeros(values.shape[:2])
     for channel in range(values.shape[2]):
         sums += np.sqrt(channel + 2.0) * values[..., channel]

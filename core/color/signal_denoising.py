@@ -22,7 +22,7 @@ def beltrami_vertex_signal(
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:
-    """Denoise a signal given at the vertices of a mesh, such as vertex colors; edges stay.
+    """Denoise a signal given at the vertices of a mesh, such as vertex colors; keep its edges.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ def beltrami_vertex_signal(
 
     Notes
     -----
-    Paper C, equations 20 to 22, of which only the components of the signal are filtered
-    (equation 7). Lengths are in mean edge lengths. Vertices are weighted by the area around them;
-    the paper does not say how.
+    Paper C, equations 20 to 22, applied to the components of the signal only (equation 7). Lengths
+    are in mean edge lengths. Vertices are weighted by the area around them; the paper does not
+    specify weights.
 
     Examples
     --------
@@ -86,8 +86,8 @@ def beltrami_corner_signal(
 ) -> npt.NDArray:
     """Denoise a signal given at the corners of the faces of a mesh, such as corner colors.
 
-    Where the corners at a vertex differ, the signal is discontinuous, and nothing is averaged
-    across; equal corners stay equal.
+    Where the corners at a vertex differ, the signal is discontinuous, and is not averaged across
+    the discontinuity; equal corners stay equal.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def beltrami_corner_signal(
 
     Notes
     -----
-    As `beltrami_vertex_signal`, on the surface cut open at the discontinuities.
+    The same as `beltrami_vertex_signal` on the surface cut open at the discontinuities.
 
     Examples
     --------

@@ -34,9 +34,9 @@ from .vertex_planes import Vertices
 from .vertices_learned import is_learned, sharpen_vertices_learned, tell_sharpened
 
 _REST = 2.0
-"""Width in mean edge lengths that is closed at last in drawings: vertices take the mean of their
-corners, and near a third color a faint border gets the short time of a strong one, so that borders
-stay about so wide."""
+"""Width, in mean edge lengths, that a second pass closes in drawings. Borders stay about so wide
+after the first: vertices take the mean of their corners, and a faint border near a third color gets
+the short time of a strong one."""
 
 
 @by_keyword
@@ -131,10 +131,10 @@ def sharpen_corner_signal(
 ) -> npt.NDArray:
     """Sharpen a signal given at the corners of the faces of a mesh, such as corner colors.
 
-    Where the corners at a vertex differ, the signal is discontinuous, and nothing flows across;
-    equal corners count as one vertex. Each corner of the result has the value at the end of its own
-    flow-line, so that edges can run between faces; with What at "auto", corners that were equal
-    stay so.
+    Where the corners at a vertex differ, the signal is discontinuous, and nothing flows across the
+    discontinuity; equal corners are one vertex. Each corner of the result has the value at the end
+    of its own flow-line, so that edges can run between faces. With What at "auto", equal corners
+    stay equal.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def sharpen_corner_signal(
 
 
 def width_to_close(mesh: TriangleMesh, signal: npt.NDArray, what: str) -> float:
-    """Return the width that What closes by itself, in mean edge lengths; 0 if borders are sharp.
+    """Return the width that is closed by default, in mean edge lengths; 0 if borders are sharp.
 
     Parameters
     ----------
@@ -220,8 +220,8 @@ def width_to_close(mesh: TriangleMesh, signal: npt.NDArray, what: str) -> float:
 def _sharpened(
     mesh: TriangleMesh, values: Floats, settings: ShockSettings, *, at_corners: bool
 ) -> Floats | None:
-    # At the vertices, (n, d), or at the corners of ``mesh.faces``, (3 m, d). None if all borders
-    # are sharp already.
+    # Returns values at the vertices, (n, d), or at the corners of ``mesh.faces``, (3 m, d). None if
+    # all borders are sharp already.
     brightness, nearest = settings.channels == "luminance", settings.sampling == "nearest"
     domain = MeshDomain(mesh, brightness, nearest, at_corners)
     passes = settings.smoothing_passes

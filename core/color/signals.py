@@ -16,13 +16,13 @@ from ..mesh.weld import split_at_jumps
 
 
 def luminance(values: Floats) -> Floats:
-    """The brightness of linear colors: (n, d) -> (n, 1); the mean where they are not RGB."""
+    """Return the brightness of linear colors, or the mean if they are not RGB: (n, d) -> (n, 1)."""
     weights = brightness_weights(values.shape[1])
     return np.ascontiguousarray(values[:, : len(weights)] @ weights[:, None])
 
 
 def to_own_corners(mesh: TriangleMesh, given: npt.NDArray) -> npt.NDArray:
-    """Rows of a corner signal, one a corner, in the order of ``mesh.faces``: (3 m, d)."""
+    """Return a corner signal as one row per corner, in the order of ``mesh.faces``: (3 m, d)."""
     if given.ndim not in (2, 3) or given.shape[:2] != (mesh.face_count, 3):
         raise InvalidSignal(
             f"The signal has the shape {given.shape}; give ({mesh.face_count}, 3) or"
@@ -37,7 +37,7 @@ def from_own_corners(mesh: TriangleMesh, own: npt.NDArray, given: npt.NDArray) -
 
 
 def cut_at_jumps(mesh: TriangleMesh, own: npt.NDArray) -> tuple[TriangleMesh, Floats]:
-    """Cut a mesh open where the values of its corners differ; kept with it for the next run.
+    """Cut a mesh open where the values of its corners differ; the result is cached with it.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Channels of a signal at the vertices of a mesh as planes, for the recipe of images.
+"""Channels of a signal at the vertices of a mesh as planes, for the learned recipe for images.
 
-Vertices lie in rows, in their own order; neighbours are those of the mesh. Lengths are in units of
-each vertex's own surroundings: see `core.mesh.spreading`.
+Vertices are stored in rows, in their order; their neighbours are those of the mesh. Lengths are in
+a local unit at each vertex: see `core.mesh.spreading`.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from .learned.surroundings import Singles
 _MESSAGE = "Sharpening"
 
 _ROW = 64
-"""Vertices in a row."""
+"""Number of vertices per row."""
 
 _PASS = 0.2977
-"""Variance of an umbrella pass on the flow of images, along each axis."""
+"""Variance of one smoothing pass on the flow of images, along each axis."""
 
 _NEAR = 3.24
-"""Variance of the mean of how uneven the mesh is nearby."""
+"""Variance of the smoothing of `Vertices.unevenness`."""
 
 _LEAST, _MOST = 1 / 4096, 4096.0
-"""Bounds on the fourth power of a unit, by which a vertex's time to flow is multiplied."""
+"""Bounds of the fourth power of the local unit, which is the factor of a vertex's flow time."""
 
 
 class Vertices:
-    """What planes of one mesh share.
+    """Data of one mesh that its planes share.
 
     Parameters
     ----------
@@ -54,11 +54,11 @@ class Vertices:
     Attributes
     ----------
     units : (n,) float64
-        Squared units of length, in squared mean edge lengths.
+        Squared local units of length, in squared mean edge lengths.
     masses : (n,) float64
-        Areas.
+        Areas of the vertices.
     trust : (m,) float64
-        How much the gradients of faces count: their areas, but slivers less.
+        Weights of the gradients of faces: their areas, but less for slivers.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -74,7 +74,7 @@ class Vertices:
 
     @cached_property
     def typical_unit(self) -> float:
-        """The unit of length of most of the surface, in mean edge lengths."""
+        """The mean local unit of length, weighted by area, in mean edge lengths."""
         return float(np.average(np.sqrt(self.units), weights=self.masses))
 
     @cached_property
@@ -85,7 +85,7 @@ class Vertices:
 
     @cached_property
     def unevenness(self) -> Singles:
-        """How far a smoothing pass moves vertices nearby, in units: (n, 1), 0 on an even mesh."""
+        """RMS move of near vertices by a smoothing pass, in local units: (n, 1); 0 if even."""
         places = self.mesh.scaled_vertices
         with aside(_MESSAGE):
             moves = smooth_vertices(self.mesh, places, 1) - places
@@ -94,7 +94,7 @@ class Vertices:
 
     @cached_property
     def inside(self) -> npt.NDArray[np.bool_]:
-        """Where a row holds a vertex: (rows * columns,)."""
+        """Whether each place of the rows holds a vertex: (rows * columns,)."""
         return np.arange(self.rows * _ROW) < self.mesh.vertex_count
 
     def planes_of(self, values: npt.NDArray) -> Singles:
@@ -114,12 +114,12 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VertexPlanes(WholePlanes):
-    """Channels of a signal at vertices, all of which count alike.
+    """Channels of a signal at vertices, without opacity.
 
     Attributes
     ----------
     values, opacity
-        As in `Planes`; (c, rows, columns) and none.
+        As in `Planes`; (c, rows, columns), and empty.
     vertices : Vertices
     """
 
@@ -135,11 +135,11 @@ class VertexPlanes(WholePlanes):
         return replace(self, values=values)
 
     def columns(self, start: int, stop: int) -> npt.NDArray[np.bool_]:
-        """Which places of some rows, one row after the other, hold vertices."""
+        """Return which places of some rows, flattened, hold vertices."""
         return self.vertices.inside[start * _ROW : stop * _ROW]
 
     def told(self, start: int, stop: int) -> Singles:
-        """What networks are told of some rows beside: how uneven the mesh is."""
+        """Return the additional feature of some rows: how uneven the mesh is."""
         return self._told[:, start:stop]
 
     @cached_property
@@ -147,7 +147,7 @@ class VertexPlanes(WholePlanes):
         return self.vertices.planes_of(self.vertices.unevenness)
 
     def surroundings(self) -> _Means:
-        """Return what finds means over wide surroundings."""
+        """Return an object that computes means over wide surroundings."""
         return _Means(self.vertices)
 
     def premultiplied(self) -> VertexPlanes:
@@ -201,7 +201,7 @@ class VertexPlanes(WholePlanes):
         nearest: bool,
         part: Part | None,
     ) -> VertexPlanes:
-        """Let the values flow; each vertex has the mean of its corners."""
+        """Advect the values; each vertex gets the mean of its corners."""
         vertices, mesh = self.vertices, self.vertices.mesh
         values = vertices.values_of(self.values)
         with phase(0.0, 0.3, "Computing the flow"):
@@ -221,7 +221,7 @@ class VertexPlanes(WholePlanes):
         return self.with_values(vertices.planes_of(moved))
 
     def _potential(self, guide: Singles, passes: int) -> Singles:
-        # P, smoothed before and after: (n, 1).
+        # The potential P of the smoothed guide, smoothed again: (n, 1).
         vertices, mesh = self.vertices, self.vertices.mesh
         smooth = vertices.spread(guide, passes * _PASS)
         potential = np.zeros((mesh.vertex_count, 1), np.float32)
@@ -232,7 +232,7 @@ class VertexPlanes(WholePlanes):
 
 
 class _Means:
-    # Surroundings as the stages ask for them.
+    # Implements `Surroundings` for vertices.
 
     def __init__(self, vertices: Vertices) -> None:
         self._vertices, self._means = vertices, vertices.means
@@ -259,7 +259,7 @@ class _Means:
 
 @kernel
 def _trust(start, stop, vertices, faces, areas, out):
-    # Areas times 4 sqrt(3) times themselves over the sum of the squared sides.
+    # Areas times 4 sqrt(3) area / (sum of squared sides), which is 1 for equilateral faces.
     for f in range(start, stop):
         squares = 0.0
         for k in range(3):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of signals at the vertices of a mesh by the recipe that images have learned."""
+"""Sharpening of signals at the vertices of a mesh by the learned recipe for images."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from .vertex_planes import VertexPlanes, Vertices
 WEIGHTS = Path(__file__).with_name("learned") / "vertices.npz"
 
 DEFINITION = digest("vertices 1", DEFINITION_OF_IMAGES)
-"""As of images; the networks are also told how uneven the mesh is."""
+"""Digest of what the features mean: those of images, and how uneven the mesh is."""
 
 _ROUNDING = 16 * float(np.finfo(np.float32).eps)
-"""Relative changes, of the signal's range, that count as none."""
+"""Changes up to this share of the signal's range count as none."""
 
 
 @cache
 def networks() -> list[Network]:
-    """The networks that give differences their shares, one for each stage."""
+    """Load the networks that weigh the differences, one for each stage."""
     found = load(WEIGHTS, DEFINITION)
     return [found[name] for name in STAGES]
 
 
 def is_learned(settings: ShockSettings) -> bool:
-    """Whether signals are sharpened by the learned recipe: not if a time or What is given."""
+    """Return whether signals are sharpened by the learned recipe: if no time or What is given."""
     return settings.by_width and settings.what == "auto"
 
 
@@ -52,8 +52,8 @@ def sharpen_vertices_learned(
 ) -> Floats:
     """Sharpen channels that follow one flow: (n, c) -> (n, c).
 
-    Values that do not change keep their bits. A result lies within the input's range within 7 steps
-    around, but for the rounding of single precision.
+    Values that do not change keep their bits. Each value stays in the range of the input within 7
+    steps around, up to rounding to single precision.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def sharpen_vertices_learned(
     values : (n, c) float64
     settings : ShockSettings
     nets : list of Network, optional
-        One for each stage; those that are shipped by default.
+        One for each stage; by default the shipped ones.
     """
     nets = networks() if nets is None else nets
     low, high = values.min(axis=0), values.max(axis=0)
@@ -90,7 +90,7 @@ def sharpen_vertices_learned(
 
 
 def detail_at(planes: VertexPlanes) -> float:
-    """Measure how much a smoothing takes away, as a mean square, in cells all over the mesh."""
+    """Measure the mean squared difference to a smoothing, in cells all over the mesh."""
     vertices = planes.vertices
     smooth = planes.smoothed(SIGMAS, 0, vertices.rows)[-1]
     away = vertices.values_of(detail_of(planes.values, smooth)).mean(axis=1, dtype=np.float64)

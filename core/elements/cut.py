@@ -151,7 +151,7 @@ class CutCells(NamedTuple):
 def find_cut_cells(atlas: TextureAtlas, jacobians: Floats, jump: float = np.inf) -> CutCells:
     """Find the cut cells of an atlas whose faces have the given `jacobians`.
 
-    Cells that edges of the mesh cross are cut, too, if lengths change across the edge by more than
+    Cells that edges of the mesh cross are also cut if lengths change across the edge by more than
     `jump`, over a texel.
     """
     mesh, sheet, metric = atlas.mesh, atlas.sheet, atlas.metric
@@ -203,7 +203,7 @@ def tempered_jacobians(metric: AtlasMetric) -> Floats:
 
 
 def _jumps(twins: Ints, jacobians: Floats) -> Floats:
-    # How much lengths differ between both sides of each half-edge, over a texel: (3 m,). The
+    # The change of lengths between both sides of each half-edge, over a texel: (3 m,). The
     # logarithm of the stretch from one side to the other, times the longer texel.
     f, g = np.repeat(np.arange(len(twins)), 3), twins.reshape(-1) // 3
     metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)

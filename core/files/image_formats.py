@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The image formats: what they hold, and how they are read."""
+"""The image formats: the values that each holds, and how it is read."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ def write_image_files(images: Mapping[Path, Pixels], overwrite: bool) -> None:
     Parameters
     ----------
     images : mapping of path to array
-        That of the first is the one that others are named beside.
+        Pixels by path. All files go to the folder of the first path.
     overwrite : bool
     """
     first = next(iter(images))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Models on disk with the textures of their materials, repaired as wholes."""
+"""Repairs models on disk together with the textures of their materials."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def repair_model_file(
     Parameters
     ----------
     source, target : path
-        GLB, glTF or OBJ files of one kind. What is repaired is stored as PNG, in GLB files inside,
-        for others beside them. `target` appears when it is complete.
+        GLB, glTF or OBJ files of one kind. Repaired images are stored as PNG: inside of GLB files,
+        and beside others. `target` appears when it is complete.
     settings : ModelSettings
     options : Options
     picture : path, optional
@@ -194,7 +194,7 @@ def _repaired(
     notes: list[str] = []
     fill = settings.fill
     if fill == "auto" and any(each.image.is_cut_out for each in maps):
-        fill = "unseen"  # transparent texels are meant
+        fill = "unseen"  # transparent texels are intended
     if fill != "nothing" and maps[0].image.part != COLOR:
         fill = "nothing"
         notes.append(f"{_names(maps)}: nothing was filled, as there is no map of colors with them")

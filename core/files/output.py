@@ -45,7 +45,6 @@ class Options:
         Further image files, if one image is made of several.
     material : str, optional
         Name of the material that shows the texture; if left out, all faces do.
-        Name of the material that shows a texture; all faces do if left out.
     overwrite : bool
         Replace files that exist.
     any_size : bool

@@ -32,7 +32,7 @@ _BLURRED = 3  # pixels that smoothing spreads values
 _RIM = 4  # pixels at the image's rim without borders
 _RISING = 0.06  # share of the greatest slope at which a profile ends
 _CLEAR = 0.08  # least contrast of borders that count
-_QUANTILE = 0.35  # of the widths, as narrow borders tell the blur: wide ones may have been soft
+_QUANTILE = 0.35  # of the widths: narrow borders show the blur, wide ones may have been soft
 _PRESMOOTHED = (0.8, 1.6, 3.0)  # sigmas; the larger ones are used if noise hides the borders
 _CELL = 0.15  # what reading between pixels adds to the squared sigma
 _ALIKE = 1.5, 1.3  # largest spread of a drawing's border widths, at narrow and at wide ones
@@ -61,12 +61,12 @@ class Borders(NamedTuple):
     contrast : float
         Contrast of clear borders.
     spread : float
-        Ratio of the widths of the widest and the narrowest quarter of the strong borders, in which
-        a pixel more or less counts little.
+        Ratio of the widths of the widest and the narrowest quarter of the strong borders, damped
+        for differences of about a pixel.
     detail : float
-        Mean square of what a smoothing takes away, in the image's range; 0 where it is not needed.
+        Mean squared difference to a smoothing, in the image's range; 0 if it is not measured.
     span : float
-        From the least to the greatest value of the smoothed image; 0 where it is not needed.
+        Range of the values of the smoothed image; 0 if it is not measured.
     """
 
     width: float = 0.0
@@ -96,9 +96,9 @@ def measure_borders(
     channels : Channels
         Colors are weighted by opacity.
     inside : (h, w) bool, optional
-        The pixels to look at.
+        The pixels to measure.
     roughly : bool
-        Look at half of the tiles.
+        Measure half of the tiles only.
     """
     tiles = _tiles(image.shape[:2], inside)
     some = _spread_out(tiles, _FEW_TILES if roughly else _MOST_TILES)
@@ -187,7 +187,7 @@ def _seen(
     columns: slice,
     planes: npt.NDArray[np.float32],
 ) -> npt.NDArray[np.bool_]:
-    # Pixels that have nothing outside nearby.
+    # Pixels with no pixel outside nearby.
     if inside is None:
         return np.ones(planes.shape[1:], dtype=np.bool_)
     high = inside[rows, columns].astype(np.float32)

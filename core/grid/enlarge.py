@@ -42,7 +42,7 @@ def cubic_weights(times: int) -> npt.NDArray[np.float64]:
     Returns
     -------
     (times, 5) array
-        Of those from two before to two behind, one of which is 0.
+        Weights of the neighbors from two before to two behind, one of which is 0.
     """
     places = (np.arange(times) + 0.5) / times - 0.5
     away = np.abs(places[:, None] - np.arange(-2, 3))

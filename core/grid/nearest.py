@@ -15,7 +15,7 @@ _CHUNK = 64
 def nearest_marked(marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     """Find the nearest marked pixel of each pixel, by Euclidean distance between centres.
 
-    Of several at the same distance the leftmost counts, and of two in one column the upper one.
+    Of several at the same distance, the leftmost is taken, and of two in one column the upper one.
 
     Parameters
     ----------

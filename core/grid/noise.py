@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How strong the noise of an image is, told from its texture.
+"""Measures the noise of an image, and distinguishes it from texture.
 
-Noise is everywhere, and texture is not: what counts is a low quantile of patches all over the
-image. Texture also differs from noise as it is stronger at twice the distance between pixels, so
-each patch is measured at both distances.
+Noise is everywhere, and texture is not, so a low quantile over patches all over the image is used.
+Texture is also stronger at twice the distance between pixels, unlike noise, so each patch is
+measured at both distances.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def measure_noise(
     scale : float
         Factor that brings values to [0, 1].
     alpha : int
-        The last channel if it is opacity, or -1. What is transparent does not count.
+        The last channel if it is opacity, or -1. Transparent pixels do not count.
     inside : (h, w) bool, optional
-        The pixels to look at.
+        The pixels to measure.
 
     Returns
     -------
@@ -50,10 +50,10 @@ def measure_noise(
 
     Notes
     -----
-    Immerkaer's mask removes linear values. In noise its mean square is the same at one and at two
-    pixels' distance; where it is far larger at two, there is texture or a border, and the first
-    counts less by the square of the quotient. Values that were cut at 0 or 1 vary less, which is
-    made up for.
+    Immerkaer's mask removes linear values. For noise, its mean square is the same at distances of
+    one and of two pixels. Where it is far larger at two, there is texture or a border, and the
+    patch has less weight, by the square of the quotient. Values clipped at 0 or 1 vary less, which
+    is corrected.
     """
     colors = image.shape[2] if alpha < 0 else alpha
     found: list[npt.NDArray] = []

@@ -14,7 +14,7 @@ _FAR = 1 << 40  # no row or column
 
 
 class LeftPart(Exception):
-    """A flow-line leaves the known flow of a part; cut out more around it."""
+    """A flow-line leaves the known flow of a part, which must be cut out with a larger halo."""
 
 
 class Part(NamedTuple):
@@ -65,7 +65,7 @@ class Part(NamedTuple):
         return Part(shape, rows, columns, self.cut, times * self.margin, origin)
 
     def wider(self, distance: int) -> Part:
-        """Return the same part, of which the pixels within a distance are wanted, too."""
+        """Return the same part with the pixels within a distance as wanted ones too."""
         rows, columns = (
             slice(max(each.start - distance, 0), min(each.stop + distance, length))
             for each, length in zip((self.rows, self.columns), self.shape, strict=True)
@@ -73,7 +73,7 @@ class Part(NamedTuple):
         return self._replace(rows=rows, columns=columns)
 
     def begun_at(self, multiple: int) -> Part:
-        """Return the same part without what lies before multiples of rows and columns."""
+        """Return the same part, cropped to begin at multiples of rows and columns."""
         top, left = (-n % multiple for n in self.origin)
         return self._replace(
             shape=(self.shape[0] - top, self.shape[1] - left),

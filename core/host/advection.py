@@ -25,8 +25,8 @@ from .textures import analyse
 _ANALYSIS = 0.1  # of the time that a run takes
 
 _FAST = 0.98
-"""Quantile of the speeds to which faster faces are limited: a few faces at creases are so fast that
-all others would seem to stand still."""
+"""Quantile of the speeds to which faster faces are limited. Without the limit, a few fast faces at
+creases would make all others seem to stand still."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class FlowSurface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape[0] * self.shape[1]
 
 
@@ -70,7 +70,7 @@ class FlowPlane:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape[0] * self.shape[1]
 
 

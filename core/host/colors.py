@@ -2,7 +2,7 @@
 """Filter the colors of a surface, as a host program stores them.
 
 Colors are filtered as light, as Blender blurs them, whether they are stored as linear floats or as
-sRGB bytes; what does not change keeps its bits. Only red, green and blue take part.
+sRGB bytes; unchanged colors keep their bits. Only red, green and blue are filtered.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from .inputs import MirroredSurface
 from .welding import Welded, welded
 
 _LEAST, _MOST = 5.0, 170.0
-"""Angles between which creases are looked for."""
+"""Smallest and largest angle of creases, in degrees."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class FoundCreases:
     lines : list of CreaseLine
         Through vertices of the surface.
     edges : CreaseEdges
-        Those of all lines.
+        The edges of all lines.
     owners : (k,) int
         The line of each pair of `edges`.
     """
@@ -64,9 +64,9 @@ def lines_of(
     angle: float | None,
     with_left: bool = True,
 ) -> list[CreaseLine]:
-    """Find the creases of a welded part that are at least so strong, in degrees.
+    """Find the creases of a welded part whose strength is at least an angle, in degrees.
 
-    Those that stay are left out on request, and so are those of a surface that is uneven all over.
+    Creases that stay are left out on request, and so are those of rough surfaces.
     """
     angle = _LEAST if angle is None else angle
     edges = None if surface.edges is None else places_of(part)[surface.edges]
@@ -82,7 +82,7 @@ def lines_of(
 
 
 def places_of(part: Welded) -> npt.NDArray[np.intp]:
-    """Give the vertex of the welded part at which each vertex of the surface lies; -1 for none."""
+    """Return the welded vertex of each vertex of the surface; -1 for none."""
     places = np.full(len(part.used), -1, dtype=np.intp)
     places[part.used] = part.index
     return places

@@ -23,9 +23,9 @@ class CreaseEdges:
     Attributes
     ----------
     places : (n,) int
-        Where each vertex of the surface lies; -1 for those without faces.
+        The place of each vertex of the surface; -1 for vertices without faces.
     pairs : (k, 2) int
-        Places that edges lie between.
+        Edges, as pairs of places.
     """
 
     places: npt.NDArray[np.integer]
@@ -35,7 +35,7 @@ class CreaseEdges:
         """Tell which edges, given by their vertices (e, 2), they are: (e,)."""
         found = np.zeros(len(ends), dtype=bool)
         if len(self.pairs):
-            # Of few edges both ends are at creases, and the others are told quickly.
+            # Few edges have both ends at creases; the others are excluded quickly.
             at_creases = np.zeros(self.places.max(initial=0) + 2, dtype=bool)
             at_creases[self.pairs] = True
             vertices = at_creases[self.places]
@@ -46,7 +46,7 @@ class CreaseEdges:
     def owners_among(
         self, ends: npt.NDArray[np.integer], owners: npt.NDArray[np.intp]
     ) -> npt.NDArray[np.intp]:
-        """Give each edge (e, 2) the owner, of (k,), of the pair that it is; -1 for none."""
+        """Return, for each edge (e, 2), the owner (of k) of its pair; -1 for edges of no pair."""
         keys = _keys(self.pairs)
         order = np.argsort(keys, kind="stable")
         wanted = _keys(self.places[ends])

@@ -27,7 +27,7 @@ from .textures import analyse, atlas_of
 _ANALYSIS = 0.3  # of the time that a run takes
 
 _QUICK, _SLOW = 256, 192
-"""Most texels in each direction of a preview, and of those of slow filters."""
+"""Most texels along each axis of a preview; and of a preview of a slow filter."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class FieldSurface:
         Height and width of the image.
     given : mapping
         Keyword arguments for the function in the registry, without its settings. Directions may
-        also be given by name (`along`), or by numbers at the corners with this gradient (`rising`),
-        and what occludes as a list of `WorldMesh`.
+        also be given by name (`along`), or by numbers at the corners with this gradient (`rising`);
+        occluders are a list of `WorldMesh`.
     at_vertices : bool
         Whether values at the vertices are computed instead of an image.
     is_tried : bool
@@ -57,7 +57,7 @@ class FieldSurface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape[0] * self.shape[1]
 
 
@@ -193,7 +193,7 @@ class WorldMesh:
     positions : (n, 3) float64
     triangles : (m, 3) int
     colors : (n, c) float64 or None
-        Of the vertices.
+        Colors of the vertices.
     """
 
     positions: npt.NDArray[np.float64]
@@ -208,7 +208,7 @@ class WorldMesh:
 
 @dataclass(frozen=True)
 class BakeSurface:
-    """The faces that will show maps, and what these are of.
+    """The faces that will show maps, and the meshes that the maps are baked from.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ class BakeSurface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape[0] * self.shape[1]
 
 

@@ -40,7 +40,7 @@ class Reshaped:
         The mean edge length, as lengths are measured.
     creases : CreaseEdges or None
         Edges of creases: those that were closed and those that were sharp before; None where these
-        are not asked for, or not looked for.
+        are not requested, or not searched.
     """
 
     positions: npt.NDArray[np.float32]

@@ -121,7 +121,7 @@ def filter_pixels(
 
 
 def recolored_larger(old: Pixels, new: Pixels, levels: int, times: int) -> Recolored:
-    """Return `recolored` of an image that is so many times higher and wider; all of it is new."""
+    """Return `recolored` of an image that is enlarged by a factor; all of its pixels are new."""
     large = enlarged(old, times)
     if levels:
         large = np.rint(large * levels) / np.float32(levels)

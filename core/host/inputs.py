@@ -38,7 +38,7 @@ class Surface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return len(self.positions)
 
     def into_world(self, vectors: npt.NDArray) -> npt.NDArray:
@@ -91,7 +91,7 @@ class MirroredSurface(Surface):
     planes : tuple of MirrorPlane
         Where modifiers join the surface with its mirror image.
     sharp_angle : float or None
-        Edges of creases that are stronger are wanted, too, in degrees; None wants none.
+        Angle in degrees above which edges of creases are returned too; None returns none.
     edges : (k, 2) int or None
         Vertices of the edges of the faces, where these are no triangles.
     """
@@ -122,7 +122,7 @@ class ColoredSurface(Surface):
     Attributes
     ----------
     colors : (k, 3) float32
-        Of the vertices, or of the face corners if `corners` is given.
+        Colors of the vertices, or of the face corners if `corners` is given.
     corners : (m, 3) int32 or None
         The face corner of each corner of the triangles.
     free : (k,) bool or None
@@ -146,7 +146,7 @@ class PaintedSurface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.shape.size
 
 
@@ -177,7 +177,7 @@ class HostImage:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.pixels.shape[0] * self.pixels.shape[1]
 
 
@@ -241,7 +241,7 @@ class TexturedSurface:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, for comparison with other data."""
         return self.picture.size
 
 

@@ -17,7 +17,7 @@ from .inputs import CutSurface
 from .welding import welded
 
 _MOST_LOST = 0.1
-"""Of the volume; a low poly that loses more is said to do so."""
+"""Share of the volume; if a low poly loses more, this is reported."""
 
 
 def low_poly_of(
@@ -33,9 +33,9 @@ def low_poly_of(
     Parameters
     ----------
     surface : CutSurface
-        Cuts are kept. A mask does not count.
+        Cuts are kept. A mask is ignored.
     settings, weld
-        Those of `geometry.filter_shape`.
+        As in `geometry.filter_shape`.
     tolerance, turn : float
         In mean edge lengths and degrees.
     progress : callable, optional
@@ -50,11 +50,11 @@ def low_poly_of(
 
 
 def _tell_lost(vertices: npt.NDArray, faces: npt.NDArray, low: LowPoly) -> None:
-    # A tolerance in mean edge lengths is wide beside what is small.
+    # A tolerance in mean edge lengths is large for small parts.
     before, after = _volume(vertices, faces), _volume(low.vertices, low.faces)
     if before > 0 and _is_closed(faces) and after < (1.0 - _MOST_LOST) * before:
         tell(
-            "It has lost {percent}% of the volume: what is round was cut off. Lower Tolerance, or"
+            "It has lost {percent}% of the volume: round parts were cut off. Lower Tolerance, or"
             " remesh the original first.",
             percent=round(100.0 * (1.0 - after / before)),
         )

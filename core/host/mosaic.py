@@ -67,7 +67,7 @@ class Mosaic:
         }
 
     def enlarged(self, times: int) -> Mosaic:
-        """Return the layout of tiles that are so many times higher and wider."""
+        """Return the layout of tiles that are higher and wider by a factor."""
         places = {
             number: (times * row, times * column, times * height, times * width)
             for number, (row, column, height, width) in self.places.items()

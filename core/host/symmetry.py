@@ -30,7 +30,7 @@ def mirror_pairs(
     points : (n, 3) array of float
     triangles : (m, 3) array of int
     mask : (n,) array of float or None
-        Vertices with different masks are not paired, as they are meant to differ.
+        Vertices with different masks are not paired, because they may differ on purpose.
     axis : int
         0, 1 or 2: the plane's normal.
 

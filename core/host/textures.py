@@ -247,7 +247,7 @@ def _gains(surface: TexturedSurface, atlas: TextureAtlas, gain: float) -> Pixels
 
 
 def mask_of_gain(grays: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """Return where a gain map was painted, for a mask of what it gave.
+    """Return where a gain map was painted, as a mask for its result.
 
     Parameters
     ----------

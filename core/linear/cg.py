@@ -35,7 +35,7 @@ ALONE = 40_000
 """Most rows for which one thread iterates alone; two cores together are faster from 50,000 on."""
 
 _AT_ONCE = 8
-"""Iterations of one thread between two questions whether the run is cancelled."""
+"""Iterations of one thread between two checks for cancelling."""
 
 
 class SolveReport(NamedTuple):

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Smoothed-aggregation multigrid (Vanek, Mandel, Brezina 1996), as a preconditioner.
 
-Our own, as pyamg solves for one right-hand side at a time and would be one more wheel to ship.
+It is our own, because pyamg solves for one right-hand side at a time, and would be one more wheel
+to ship.
 """
 
 from __future__ import annotations

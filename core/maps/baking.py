@@ -44,13 +44,13 @@ SIGNED = "curvature", "displacement"
 _OF_ONE = "curvature", "occlusion", "bent_normals", "thickness"
 
 _TRACED = _OF_ONE[1:]
-"""Those of rays."""
+"""Maps that are traced by rays."""
 
 MAPS = (*_OF_ONE, "normals", "displacement", "colors")
-"""All maps; the last three are those of a detailed mesh."""
+"""All maps; the last three need a detailed mesh."""
 
 _SHOWN = 0.98
-"""The part of the texels whose curvature lies in the range of grays."""
+"""Share of the texels whose curvature is within the range of grays."""
 
 _WHITE = {
     "displacement": "In the map of heights, white is {white} above, black as much below.",
@@ -58,7 +58,7 @@ _WHITE = {
     " inward.",
     "thickness": "In the map of thickness, white is {white}.",
 }
-"""What is told of grays."""
+"""Reports of the meaning of white."""
 
 _BAKING = "Baking maps"
 
@@ -88,17 +88,17 @@ def bake_maps(
     size : (int, int)
         Rows and columns of the images.
     maps : sequence of str
-        Which: "curvature" (the mean one), "occlusion", "bent_normals", "thickness"; with `high`
-        also "normals", "displacement" and "colors".
+        Names of maps: "curvature" (the mean one), "occlusion", "bent_normals", "thickness"; with
+        `high` also "normals", "displacement" and "colors".
     high : TriangleMesh, optional
-        A detailed mesh in the same space, such as a sculpted one, of which the maps are.
+        A detailed mesh in the same space, such as a sculpted one, whose maps are baked.
     colors : (k, c) array of float, optional
-        Of the detailed mesh's vertices, for the map of colors.
+        Colors of the detailed mesh's vertices, for the map of colors.
     normals : (m, 3, 3) array of float, optional
         The shading normals of `mesh` at the corners of its faces, for the map of normals. Default:
         smooth normals.
     occluders : sequence of TriangleMesh
-        Other meshes that stand in the way of occlusion.
+        Other meshes that block rays of occlusion.
 
     Returns
     -------
@@ -112,16 +112,16 @@ def bake_maps(
     Raises
     ------
     InvalidSettings
-        If there is no such map, or it lacks its input.
+        If there is no such map, or its input is missing.
     InvalidUV, InvalidSignal, SolverError, Cancelled
         As in `ambient_occlusion`.
 
     Notes
     -----
-    From each texel rays go up and down along the smooth normal of the simple mesh, as far as the
-    cage; the nearer place that faces the same way is taken. Where there is none, normals and
-    displacement are those of the simple mesh, and all others are filled smoothly from around on the
-    surface, which a finding tells. Tangents are those of MikkTSpace, as in Blender.
+    From each texel, rays are cast up and down along the smooth normal of the simple mesh, as far as
+    the cage; the nearer hit that faces the same way is used. Without a hit, normals and
+    displacement are those of the simple mesh, and other maps are filled smoothly from texels
+    around, which a finding reports. Tangents are those of MikkTSpace, as in Blender.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def bake_maps(
 
 
 class _Baker:
-    # Makes maps for the texels of an atlas from places on a mesh.
+    # Computes maps for the texels of an atlas from places on a mesh.
 
     def __init__(
         self,
@@ -187,7 +187,7 @@ class _Baker:
         self._unmet = Unmet(atlas, sites.numbers[~met])
 
     def traced(self, wanted: Sequence[str]) -> dict[str, _Single]:
-        """Return what comes of rays, on the sheet."""
+        """Return a map that is traced by rays, on the sheet."""
         scene, sites, settings = self._scene, self._sites, self._settings
         halves: dict[str, _Single] = {}
         names = [name for name in _TRACED if name in wanted]
@@ -219,7 +219,7 @@ class _Baker:
         return sheets
 
     def read(self, wanted: Sequence[str], colors: Floats | None) -> dict[str, _Single]:
-        """Return what is read off the mesh, on the sheet."""
+        """Return a map that is interpolated from the mesh, on the sheet."""
         sheets = {}
         if "curvature" in wanted:
             with phase(0.0, 0.5, "Finding curvature"):

@@ -23,10 +23,10 @@ _Single = npt.NDArray[np.float32]
 _FINDING = "Finding curvature"
 
 _SHOWN = 0.98
-"""The part of the texels whose values lie in the automatic range of grays."""
+"""Share of the texels whose values are within the automatic range of grays."""
 
 _LEAST_RANGE = 1e-3
-"""Least range, in 1 / size of the mesh, so that a plane is evenly gray."""
+"""Least range of grays, in 1 / size of the mesh, so that a plane is uniformly gray."""
 
 
 @by_keyword
@@ -64,9 +64,9 @@ def curvature_map(
 
     Notes
     -----
-    Curvatures at the vertices, see `curvature`, are drawn as cubics that take the gradients at the
-    vertices. What lies between vertices is as smooth as the mesh: a box of twelve triangles has
-    only corners, and needs to be divided first.
+    Curvatures at the vertices, see `curvature`, are interpolated by cubics with the gradients at
+    the vertices. There is no detail between vertices: a box of twelve triangles has only corners,
+    and must be subdivided first.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def curvature_directions(
     mesh, uv, progress, atlas, size
         As in `curvature_map`.
     settings : CurvatureSettings, optional
-        Radius and gutter count.
+        Only radius and gutter are used.
 
     Returns
     -------
@@ -155,7 +155,7 @@ def _drawn(
     signals: Callable[[Curvatures], Floats],
     shown: Callable[[_Single, TextureAtlas], _Single] = lambda sheet, _: sheet,
 ) -> _Single:
-    # The image (h, w, c) of signals (n, c) of the curvatures, as they are shown on the sheet.
+    # The image (h, w, c) of signals (n, c) of the curvatures, after they are drawn on the sheet.
     shape = checked_size(size)
     check_mesh(mesh)
     with phase(0.0, 0.3, "Finding texels"):
@@ -178,7 +178,7 @@ def _signal(found: Curvatures, kind: str) -> Floats:
 
 
 def _tensors(found: Curvatures) -> Floats:
-    # The tensor d d^T of the larger curvature, times how far it is larger: six entries.
+    # The tensor d d^T of the larger curvature, times the difference of magnitudes: six entries.
     size = np.abs(found.principal)
     larger = np.argmax(size, axis=1)
     along = found.directions[np.arange(len(larger)), larger]
@@ -191,7 +191,7 @@ def _tensors(found: Curvatures) -> Floats:
 
 
 def _shown(values: _Single, atlas: TextureAtlas, settings: CurvatureSettings) -> _Single:
-    # On the sheet.
+    # Values at the nodes of the sheet.
     is_sided = settings.kind in ("convex", "cavity")
     if is_sided:
         values = np.maximum(values, np.float32(0.0))

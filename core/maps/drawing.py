@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Signals at vertices drawn into texels as smooth cubics, which show no triangles."""
+"""Draws signals at vertices into texels as smooth cubics, which show no triangles."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def with_gutter(atlas: TextureAtlas, sheet: _Single, gutter: int) -> _Single:
 
 
 def drawn_smoothly(atlas: TextureAtlas, frames: Frames, radii: Floats, signals: Floats) -> _Single:
-    """Draw signals at the vertices on the sheet, as cubics that go on smoothly between faces.
+    """Draw signals at the vertices on the sheet, as cubics that are smooth across edges.
 
     Parameters
     ----------
     atlas : TextureAtlas
     frames, radii
-        Where gradients are fitted, see `core.mesh.jets`.
+        Frames and radii for the fit of gradients, see `core.mesh.jets`.
     signals : (n, c) float64
 
     Returns

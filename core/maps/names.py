@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of images of maps, as other programs know them; needs no numerics."""
+"""File names of maps, as other programs expect them; imports no numerical libraries."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ SUFFIXES = {
     "thickness": "thickness",
     "colors": "basecolor",
 }
-"""The ends of the names, by those of the maps of `bake_maps`."""
+"""Suffixes of file names for each map of `bake_maps`."""
 
 
 def files_of_maps(target: Path, maps: Sequence[str]) -> list[Path]:
-    """Name the file of each map: the target itself for one, its name with suffixes for several.
+    """Return the file of each map: the target itself for one map, with suffixes for several.
 
-    Maps that are named twice count once.
+    Maps that are named twice are written once.
 
     Examples
     --------

@@ -30,7 +30,7 @@ def ambient_occlusion(
     progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
-    """Draw how much of the sky each place of a surface sees into a texture, across seams.
+    """Draw ambient occlusion into a texture, across seams: the visible share of the sky.
 
     Parameters
     ----------
@@ -40,13 +40,13 @@ def ambient_occlusion(
     size : (int, int)
         Rows and columns of the image.
     occluders : sequence of TriangleMesh
-        Other meshes that stand in the way, in the same space.
+        Other meshes in the same space that block rays.
 
     Returns
     -------
     (h, w) float32
-        In [0, 1]: 1 where nothing is in the way, 0 where everything is, each direction weighted by
-        its cosine with the normal. The gutter around the charts is filled; the rest is 0.
+        In [0, 1]: 1 where no ray is blocked, 0 where all are; directions are weighted by their
+        cosine with the normal. The gutter around the charts is filled; the rest is 0.
 
     Raises
     ------
@@ -59,15 +59,15 @@ def ambient_occlusion(
 
     Notes
     -----
-    Rays leave each texel in the directions of scrambled Sobol's points, of which neighbours have
-    different ones, and meet triangles in a hierarchy of boxes. Both sides of faces stand in the
-    way. Normals are smooth over edges of less than 30 degrees, sharp over those of more than 60,
-    and in between in between. Noise is smoothed along the surface, but not across edges, see
-    `OcclusionSettings.smoothing`: around each place values are fitted by position and normal within
-    several radii, and both halves of the rays tell which radius keeps what is there.
+    Rays leave each texel in directions of scrambled Sobol points, different for neighbours, and are
+    intersected with triangles by a bounding volume hierarchy. Faces block rays on both sides.
+    Normals are smooth across edges of less than 30 degrees, sharp across those of more than 60, and
+    blended in between. Noise is smoothed along the surface, but not across edges, see
+    `OcclusionSettings.smoothing`: around each place, values are fitted by position and normal
+    within several radii, and both halves of the rays show which radius keeps the detail.
 
-    The kernels are part of the core, as libraries for rays have no wheels for some platforms of
-    the extension.
+    The kernels are part of the core, because libraries for ray tracing have no wheels for some
+    platforms of the extension.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def bent_normals(
     progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
-    """Draw the mean direction in which each place of a surface sees the sky, across seams.
+    """Draw the mean direction of the visible sky into a texture, across seams.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def thickness(
     progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
-    """Draw how thick the body behind each place of a surface is, across seams.
+    """Draw the thickness of the body behind each place of a surface, across seams.
 
     Parameters
     ----------
@@ -177,9 +177,9 @@ def thickness(
 
     Notes
     -----
-    The mean, over rays into the body in a cone of 60 degrees about the normal, of how deep below
-    the surface they come out again; so it is exact on plates. Rays that come out nowhere, as under
-    an open sheet, count as the largest distance.
+    It is the mean depth below the surface at which rays into the body, in a cone of 60 degrees
+    about the normal, leave it again; so it is exact on plates. Rays that leave nowhere, as under an
+    open sheet, count with the largest distance.
 
     Examples
     --------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the texels of a simple mesh lie on a detailed one, and what is told where they do not."""
+"""Projects the texels of a simple mesh onto a detailed one, and reports texels without a hit."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from .tracing import Scene, Sites, read_corners, scaled_to, shading_normals
 _Single = npt.NDArray[np.float32]
 
 _CAGE = 0.05
-"""The automatic cage, in lengths of the diagonal of the box around the simple mesh."""
+"""Automatic distance of the cage, relative to the diagonal of the box around the simple mesh."""
 
 _FARTHER = 8.0
-"""How far texels that meet nothing look again, in cages, to say which cage would do."""
+"""Distance, in cages, up to which texels without a hit search again, to propose a better cage."""
 
 _MOST = 0.98
-"""The part of those texels that the cage that is named reaches."""
+"""Share of those texels that the proposed cage reaches."""
 
 _SEEN = 1e-4
-"""The least part of the texels that is told: fewer, filled smoothly, are not seen. Of 1024 x 1024
-texels that is a patch of 10 x 10."""
+"""Least share of texels without a hit that is reported; fewer, filled smoothly, are not visible. Of
+1024 x 1024 texels this is a patch of 10 x 10."""
 
 
 class Onto(NamedTuple):
-    """Where texels lie on a detailed mesh.
+    """The places of texels on a detailed mesh.
 
     Attributes
     ----------
     sites : Sites
-        Those of the detailed mesh, in its units; of the simple one where nothing is met.
+        Places on the detailed mesh, in its units; on the simple one where there is no hit.
     faces : (k,) int32
-        Faces of the detailed mesh, -1 where nothing is met.
+        Faces of the detailed mesh; -1 where there is no hit.
     shares : (k, 3) float64
-        Barycentric coordinates in these.
+        Barycentric coordinates in these faces.
     heights : (k,) float32
-        Above the simple mesh, in its units; 0 where nothing is met.
+        Heights above the simple mesh, in its units; 0 where there is no hit.
     """
 
     sites: Sites
@@ -60,21 +60,21 @@ def project(
 ) -> Onto:
     """Find the place on a detailed mesh above or below each texel of a simple one.
 
-    Tells which part of the texels meets nothing, if it is one that is seen, and the cage that would
-    do, if one would.
+    Reports the share of texels without a hit, if it is visible, and a cage that would be large
+    enough, if there is one.
 
     Parameters
     ----------
     atlas : TextureAtlas
-        Of the simple mesh.
+        The atlas of the simple mesh.
     sites : Sites
-        Its `texel_sites`.
+        The `texel_sites` of that atlas.
     scene : Scene
-        That of the detailed mesh alone.
+        The scene of the detailed mesh alone.
     high : TriangleMesh
+        The detailed mesh.
     cage : float
-        How far above and below it is looked for, in units of the mesh; 0 takes 5 percent of the
-        size.
+        Distance of the search above and below, in units of the mesh; 0 takes 5 percent of the size.
     """
     low = atlas.mesh
     smooth = unit_vectors(average_to_vertices(low, low.normals))
@@ -107,7 +107,7 @@ def project(
 def _met(
     starts: _Single, along: _Single, scene: Scene, reach: float
 ) -> tuple[npt.NDArray[np.int32], _Single]:
-    # Rows of the tree that are met, or -1, and the heights there.
+    # The rows of the tree that are hit, or -1, and the heights there.
     rows = np.full(len(starts), -1, dtype=np.int32)
     heights = np.zeros(len(starts), dtype=np.float32)
     run(_project, len(starts), starts, along, scene.tree, reach, scene.off, rows, heights,
@@ -154,7 +154,7 @@ def _shares(points: Floats, corners: Floats) -> Floats:
 
 @kernel
 def _project(start, stop, points, along, tree, reach, off, rows, heights):
-    # The nearest place above or below, whose face looks the same way.
+    # The nearest hit above or below on a face that faces the same way.
     stack = np.empty(STACK, np.int32)
     triangles = tree.triangles
     for i in range(start, stop):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Noise of ray tracing, smoothed along the surface as far as what was traced allows."""
+"""Smooths the noise of ray tracing along the surface, by adaptive radii."""
 
 from __future__ import annotations
 
@@ -14,60 +14,63 @@ from .tracing import Sites, tangents
 _Single = npt.NDArray[np.float32]
 
 _STEPS = 3
-"""Radii of fits, each half of the one before."""
+"""Number of radii of fits, each half of the one before."""
 
 _REACH = 2.0
-"""The largest radius, in lengths of smoothing."""
+"""The largest radius, relative to the smoothing length."""
 
 _AROUND = 5.0
-"""The radius over which errors are averaged, in distances between places."""
+"""Radius over which errors are averaged, in distances between places."""
 
-_CAUTION = 4.0
-"""How much a departure from the next smaller radius counts, in squares: it misses a part."""
+_LOSS_FACTOR = 4.0
+"""Factor of the squared difference to the next smaller radius, which underestimates the detail that
+is lost."""
 
-_SHARPNESS = 2.0
-"""Power of the errors with which radii are weighted."""
+_WEIGHT_POWER = 2.0
+"""Weights of radii are the inverse of their squared errors to this power."""
 
 _LEAST_COSINE = 0.5
-"""Between normals of places that have nothing to do with each other: as of two faces."""
+"""Cosine between the normals of two places at which their weight becomes 0."""
 
 _GAP, _STEEPEST = 0.5, 0.1
-"""How far above or below another sheet lies: in distances between places, and of the distance."""
+"""Places belong to another sheet if they are higher or lower by more than the first value times the
+distance between neighbouring places, plus the second times their distance."""
 
 _RIDGE = 1e-3
-"""Keeps slopes from following noise where places hardly differ."""
+"""Ridge regularization of slopes, which would follow noise where positions or normals hardly
+differ."""
 
 _MOST = 2048
-"""Most places around a few; of more, some are left out evenly."""
+"""Most places around a leaf of the tree; of more, some are left out evenly."""
 
 _SLOPES = 4
-"""Unknowns of a fit beside the value: along two directions, and for the tilt along both."""
+"""Slopes of a fit: along two directions, and in the tilt of the normal along both."""
 
 _TERMS = 15
-"""Entries of half the symmetric matrix of all."""
+"""Entries of half the symmetric matrix of the value and the slopes."""
 
 
 def without_noise(sites: Sites, halves: _Single, length: float) -> _Single:
     """Smooth two independent estimates at places on a surface, and return their mean.
 
-    Around each place both halves are fitted within some radii by functions that are linear in the
-    position and the normal (Moon et al. 2014, "Adaptive rendering based on weighted local
-    regression"). Weights fall with the distance and with the angle between normals, so that nothing
-    crosses sharp edges; what lies above or below belongs to another sheet.
+    Around each place, both halves are fitted within several radii by functions that are linear in
+    the position and the normal (Moon et al. 2014, "Adaptive rendering based on weighted local
+    regression"). Weights fall with the distance and with the angle between normals, so that values
+    are not smoothed across sharp edges; places above or below belong to another sheet.
 
-    As both halves have a noise of their own (Rousselle et al. 2012, "Adaptive rendering with
-    non-local means filtering"), the product of how far each departs from its fit with the next
-    smaller radius is, on average around a place, the square of what the radius smooths away; and
-    the square of their difference is the noise that is left. If a radius departs little, smaller
-    ones are no better. Radii are mixed by weights that fall with the sum of both.
+    The noise of both halves is independent (Rousselle et al. 2012, "Adaptive rendering with
+    non-local means filtering"). So the product of their differences between a radius and the next
+    smaller one is, averaged around a place, the square of the detail that the radius loses; the
+    square of the difference between the halves is the noise that is left. If a radius loses little,
+    smaller ones lose no more. Radii are mixed by weights that fall with the sum of both errors.
 
     Parameters
     ----------
     sites : Sites
     halves : (k, 2 c) float32
-        Both estimates of c values, one after the other.
+        The first estimate of c values, then the second.
     length : float
-        In distances between places; 0 smooths nothing.
+        Smoothing length, in distances between places; 0 does not smooth.
 
     Returns
     -------
@@ -111,7 +114,7 @@ def _chunk(leaves: int) -> int:
 
 
 def _errors_of(tried: _Single) -> _Single:
-    # Of each radius and value, the square of what it smooths away, and of the noise that is left.
+    # For each radius and value, the squares of the detail that is lost, and of the noise left.
     count = tried.shape[2] // 2
     away = tried[:, :-1] - tried[:, 1:]
     lost = away[..., :count] * away[..., count:]
@@ -120,13 +123,13 @@ def _errors_of(tried: _Single) -> _Single:
 
 
 def _mixed(tried: _Single, errors: _Single) -> _Single:
-    # Means of the radii, weighted by their errors, each value by its own.
+    # Weighted means over the radii; each value has its own weights.
     count = tried.shape[2] // 2
     every = errors.reshape(len(tried), -1, count)
     squares = every[:, _STEPS:] + np.float32(1e-12)
     lost = np.minimum.accumulate(np.maximum(every[:, :_STEPS], 0.0), axis=1)
-    squares[:, :_STEPS] += np.float32(_CAUTION) * lost
-    weights = (squares.min(axis=1, keepdims=True) / squares) ** np.float32(_SHARPNESS)
+    squares[:, :_STEPS] += np.float32(_LOSS_FACTOR) * lost
+    weights = (squares.min(axis=1, keepdims=True) / squares) ** np.float32(_WEIGHT_POWER)
     weights /= weights.sum(axis=1, keepdims=True)
     means = 0.5 * (tried[..., :count] + tried[..., count:])
     mixed: _Single = (weights * means).sum(axis=1)
@@ -181,7 +184,7 @@ def _gather(tree, leaf, reach, stack, found):
 
 @kernel
 def _closeness(mx, my, mz, dx, dy, dz, square, nx, ny, nz, spacing):
-    # How much a place belongs to another one: 1 on the same plane, 0 beyond an edge or a gap.
+    # The weight between two places: 1 on the same plane, 0 across an edge or a gap.
     agrees = (mx * nx + my * ny + mz * nz - _LEAST_COSINE) / (1.0 - _LEAST_COSINE)
     if agrees <= 0.0:
         return 0.0
@@ -233,7 +236,7 @@ def _average(start, stop, tree, normals, spacings, radius, values, out):
 @kernel
 def _fit(start, stop, tree, normals, spacings, radius, values, out):
     # Values of linear fits at each place, (n, radii, c), from the largest radius down by halves;
-    # within the range of what is near, so that what is all black or white stays so.
+    # clipped to the range of near values, so that black and white areas stay so.
     stack, found = np.empty((128, 2), np.int64), np.empty(_MOST, np.int64)
     points, columns, steps = tree.points, values.shape[1], out.shape[1] - 1
     matrices = np.empty((steps, _TERMS))

@@ -12,10 +12,10 @@ from ..rays.directions import mixed
 _OCTAVES = 5
 
 _GAIN = 0.6
-"""How much each octave has of the one before."""
+"""Amplitude of each octave relative to the one before."""
 
 _DEVIATION = 0.25
-"""Standard deviations of the noise are brought to so much of its range."""
+"""Standard deviation of the noise, relative to its range."""
 
 
 def solid_noise(points: npt.NDArray, size: float, seed: int) -> npt.NDArray[np.float32]:

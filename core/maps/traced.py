@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The frame of maps by rays: find texels, trace, smooth the noise, fill the gutter."""
+"""The common steps of ray-traced maps: find texels, trace, smooth the noise, fill the gutter."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays from places on a surface: what they meet above it, and inside of it."""
+"""Traces rays from places on a surface, outwards and into the body."""
 
 from __future__ import annotations
 
@@ -23,40 +23,43 @@ from ..rays.directions import grid_codes, ray_of, ray_points
 _Single = npt.NDArray[np.float32]
 
 _AT_ONCE = 1024
-"""Places of a chunk: rays take long, and Esc should not."""
+"""Places per chunk of a thread: few, so that a run is quickly cancelled."""
 
 _SAME, _OTHER = 0.87, 0.5
-"""Cosines between normals up to which faces are shaded as one, and from which as two."""
+"""Ramp of the cosine between face normals: above the first value, faces are shaded smoothly; below
+the second, the edge between them is sharp."""
 
 _DIAGONAL = 1.74
-"""No ray within a cube goes farther, in lengths of its sides."""
+"""Longest ray within a cube, relative to its side."""
 
 _OFF = 1e-4
-"""How far above the surface rays begin: in mean edge lengths, and (a hundredth) of the size."""
+"""Distance above the surface at which rays begin: in mean edge lengths, and, divided by 100,
+relative to the size."""
 
 _UNEVEN = 4.0
-"""How many times smaller or larger than the mean texel texels are taken to be."""
+"""Largest factor by which a texel may be smaller or larger than the mean texel; sizes are clipped.
+"""
 
 _CONE = 0.75
 """Square of the sine of the half angle of the cone of thickness: 60 degrees."""
 
 
 class Sites(NamedTuple):
-    """Places from which rays leave, in mean edge lengths about the middle of a mesh.
+    """Places from which rays are cast, in mean edge lengths relative to the centre of a mesh.
 
     Attributes
     ----------
     points : (k, 3) float32
     normals : (k, 3) float32
-        Unit vectors about which rays are spread.
+        Unit vectors around which rays are distributed.
     facing : (k, 3) float32
-        Unit normals of the faces, below which no ray goes.
+        Unit normals of the faces; rays do not go below the faces.
     numbers : (k,) int64
-        Of the nodes or the vertices.
+        Indices of the nodes or the vertices.
     turns : (k,) int64
-        Places along a curve that fills the surface: neighbours on it share their rays out.
+        Positions along a space-filling curve: neighbours on it share a sequence of rays.
     spacings : (k,) float32
-        How far places are apart.
+        Distances between neighbouring places.
     """
 
     points: _Single
@@ -68,17 +71,17 @@ class Sites(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What rays meet, in the units of `Sites`.
+    """The geometry that rays hit, in the units of `Sites`.
 
     Attributes
     ----------
     tree : Boxes
     off : float
-        How far off the surface rays begin.
+        Distance from the surface at which rays begin.
     farthest : float
-        No ray that meets something is longer.
+        Upper limit of the length of rays that hit something.
     floor : float
-        The height of an endless floor; minus infinity if there is none.
+        Height of an infinite floor; minus infinity if there is none.
     unit : float
         The mean edge length.
     """
@@ -171,8 +174,8 @@ def vertex_sites(mesh: TriangleMesh) -> Sites:
 def shading_normals(mesh: TriangleMesh) -> Floats:
     """Return unit normals at the corners of faces: (m, 3, 3).
 
-    The mean of the faces around, by angle, as far as they are of one side: smooth over edges of
-    less than 30 degrees, sharp over those of more than 60, and in between in between.
+    They are means over the faces around, weighted by angle: smooth across edges of less than 30
+    degrees, sharp across edges of more than 60, and blended in between.
     """
     corners = mesh.scaled_vertices[mesh.faces]
     sides = np.roll(corners, -1, axis=1) - corners
@@ -187,7 +190,7 @@ def shading_normals(mesh: TriangleMesh) -> Floats:
 def look_around(
     scene: Scene, sites: Sites, rays: int, distance: float = 0.0, *, measured: bool = False
 ) -> tuple[_Single, _Single, _Single]:
-    """Trace rays off the surface, in two halves.
+    """Trace rays outwards from the surface, in two halves.
 
     Parameters
     ----------
@@ -195,18 +198,18 @@ def look_around(
     sites : Sites
     rays : int
     distance : float
-        How far rays go, in units of the mesh; 0 is endless.
+        Length of rays, in units of the mesh; 0 is infinite.
     measured : bool
-        Whether `near` is wanted, which takes longer.
+        Whether `near` is computed, which takes longer.
 
     Returns
     -------
     seen : (k, 2) float32
-        The part of each half of the rays that meets nothing.
+        The share of rays that hit nothing, for each half.
     bent : (k, 6) float32
-        The mean direction of these.
+        The mean direction of these rays.
     near : (k, 2) float32
-        The part that meets something, where what is nearer counts more, down to 0 at the distance.
+        The share of rays that hit something, weighted by nearness, which falls to 0 at `distance`.
     """
     count, limit = len(sites.points), scene.limit(distance)
     reach = distance / scene.unit if distance > 0 else np.inf
@@ -232,10 +235,10 @@ def look_past_edges(scene: Scene, sites: Sites, rays: int, distance: float) -> _
     Returns
     -------
     (k, 2) float32
-        Of each half of the rays, the part that leaves the body through another side: 0 on planes
-        and where the surface is concave, (1 - cos a) / 2 on a sharp edge where it turns by the
-        angle a, falling off to 0 at the distance. What leaves through the opposite side, as in a
-        thin wall, does not count.
+        For each half, the share of rays that leave the body through another side: 0 on planes and
+        where the surface is concave, (1 - cos a) / 2 on a sharp edge where it turns by the angle a,
+        falling to 0 at the distance. Rays that leave through the opposite side, as of a thin wall,
+        do not count.
     """
     count = len(sites.points)
     found = np.zeros((count, 2), np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texels that meet nothing of a detailed mesh, filled from those around them on the surface."""
+"""Fills texels without a hit on a detailed mesh from those around them on the surface."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Unmet:
     ----------
     atlas : TextureAtlas
     numbers : (k,) int
-        Nodes of the sheet, flat, that have none.
+        Flat indices of the nodes of the sheet without values.
 
     Attributes
     ----------

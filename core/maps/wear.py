@@ -22,29 +22,31 @@ from .tracing import Scene, Sites, look_around, look_past_edges, scaled_to, scen
 _Single = npt.NDArray[np.float32]
 
 _WIDTHS = {"edges": 0.04, "dirt": 0.1, "dust": 0.0}
-"""Automatic widths, in lengths of the diagonal of the box around the mesh."""
+"""Automatic widths, relative to the diagonal of the box around the mesh."""
 
 _GRAIN = 0.03
-"""The automatic grain, in the same."""
+"""Automatic size of the grain, relative to the same."""
 
 _LEAST = 2.0
-"""Least automatic width of worn edges, in texels or edges."""
+"""Least automatic width of worn edges, in texels, or in mean edge lengths at vertices."""
 
 _SHELTER = 8.0
-"""Edges are sheltered by what is within so many widths."""
+"""Distance, in widths, within which other parts shelter an edge from wear."""
 
 _GAIN = {"edges": 6.0, "dirt": 5.0, "dust": 3.0}
-"""How fast masks go to white."""
+"""Gains of the masks."""
 
 _SMOOTH, _SHARP = 0.991, 0.94
-"""Cosines between shaded and true normals up to which edges are taken for smooth (turning by 15
-degrees), and from which for sharp (40): those of round parts are not worn one by one."""
+"""Ramp of the cosine between shading and face normals: above the first value, an edge is smooth (a
+turn of 15 degrees), below the second it is sharp (40 degrees). So the single edges of round parts
+are not worn."""
 
 _AT_VERTICES = 4
-"""Times as many rays: vertices are few, and neighbours differ more than texels do."""
+"""Factor of the number of rays at vertices, which are few, and differ more from their neighbours
+than texels do."""
 
 _STEP = 0.1
-"""How far points on marked edges are apart, in widths."""
+"""Distance between points on marked edges, in widths."""
 
 _MOST_POINTS = 1_000_000
 
@@ -70,13 +72,13 @@ def wear(
     size : (int, int)
         Rows and columns of the image.
     edges : (k, 2) array of int, optional
-        Vertices of the edges of the mesh along which edges are worn, such as those of convex lines
-        of `find_creases`. Default: wherever the surface is convex.
+        Edges of the mesh that are worn, as pairs of vertices, such as those of convex lines of
+        `find_creases`. Default: wherever the surface is convex.
 
     Returns
     -------
     (h, w) float32
-        A mask in [0, 1]: 1 is worn off, full of dirt, or below dust. The gutter around the charts
+        A mask in [0, 1]: 1 is worn off, full of dirt, or under dust. The gutter around the charts
         is filled; the rest is 0.
 
     Raises
@@ -90,12 +92,12 @@ def wear(
 
     Notes
     -----
-    All three come from rays, so they are as fine as the texture, on coarse meshes, too. Edges: the
-    part of the rays into the body that leave it within `width` through another side, which is
-    (1 - cos a) / 2 on a sharp edge where the surface turns by the angle a, less on one that is
-    shaded smoothly, and falls off to 0 at the width; times the part of the sky that is seen within
-    8 widths. Opposite sides of thin walls do not count. Dirt: the part of the rays that meet
-    something within `width`, less where it is far. Dust: the part of the sky seen around the Z
+    All three are traced by rays, so they are as fine as the texture, even on coarse meshes. Edges:
+    the share of rays into the body that leave it within `width` through another side. This is
+    (1 - cos a) / 2 on a sharp edge where the surface turns by the angle a, less on a smoothly
+    shaded one, and falls to 0 at the width. It is multiplied by the share of the sky that is
+    visible within 8 widths. Opposite sides of thin walls do not count. Dirt: the share of rays that
+    hit something within `width`, less if it is far. Dust: the visible share of the sky around the Z
     axis, times the square of the cosine to it.
 
     A value v becomes 1 - exp(-g v) with a gain g, and noise n in space breaks it up: (v - b n) /
@@ -175,7 +177,7 @@ def vertex_wear(
 
 
 class _Wear:
-    # What is traced for a mask, and the mask that comes of it.
+    # Traces the rays for a mask, and computes the mask from them.
 
     def __init__(
         self,
@@ -210,7 +212,7 @@ class _Wear:
         return np.stack([convex[:, 0], seen[:, 0], convex[:, 1], seen[:, 1]], axis=1)
 
     def mask(self, values: _Single, sites: Sites) -> _Single:
-        """Turn what was traced (k, c) into a mask (k, 1)."""
+        """Convert traced values (k, c) into a mask (k, 1)."""
         settings = self._settings
         found = np.clip(values, 0.0, 1.0).prod(axis=1).astype(np.float64)
         if settings.kind == "dust":
@@ -247,7 +249,7 @@ class _Wear:
 
 
 def _less_shaded(sites: Sites) -> Sites:
-    # Faces turn from shaded normals to their own, the farther these are apart.
+    # Blends from shading normals to face normals, the more they differ.
     agrees = (sites.normals * sites.facing).sum(axis=1, keepdims=True)
     share = np.clip((agrees - _SHARP) / (_SMOOTH - _SHARP), 0.0, 1.0)
     normals = sites.facing + share * (sites.normals - sites.facing)

@@ -19,7 +19,7 @@ from ..base.vectors import after
 Ints = npt.NDArray[np.int32]
 
 _FEW = 64
-"""Sorting is faster where there are fewer numbers than one of so many."""
+"""`distinct` sorts if there are fewer numbers than `count` divided by this, else it marks them."""
 
 
 def count_sort(keys: Ints, count: int) -> tuple[Ints, Ints]:
@@ -101,7 +101,7 @@ def faces_around(corners: tuple[Ints, Ints], vertices: npt.NDArray[Any]) -> npt.
 
 
 def distinct(numbers: npt.NDArray[Any], count: int) -> npt.NDArray[Any]:
-    """Return the different ones of integers from 0 to `count`, which is not among them, sorted."""
+    """Return the unique values of integers from 0 to `count` - 1, sorted."""
     if len(numbers.reshape(-1)) < count / _FEW:
         return np.unique(numbers)
     found = np.zeros(count, dtype=np.bool_)

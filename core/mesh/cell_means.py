@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Means over wide surroundings of vertices.
 
-Vertices are gathered in cells of a grid in space, of 4 and of 16 units of length along an edge: see
-`spreading`. What lies in the same cell but is not connected there is a cell of its own, so that
-nothing gets through thin walls. Means spread from cell to cell, and are read between their middles.
+Vertices are gathered in cells of a grid in space, with edges of 4 and of 16 units of length: see
+`spreading`. Parts in one cell that are not connected there are separate cells, so that means do not
+pass through thin walls. Means are smoothed from cell to cell, and interpolated between the centres
+of cells.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from .triangle_mesh import Floats, Ints, TriangleMesh
 Singles = npt.NDArray[np.float32]
 
 FINE, RATIO = 4.0, 4
-"""Units along the edge of a small cell, and small cells along that of a large one."""
+"""Edge of a small cell, in units, and that of a large cell in small ones."""
 
 WIDE, REGION = 8.0, 32.0
-"""Standard deviations, in units."""
+"""Standard deviations of the two smoothings, in units."""
 
 _AWAY = 0.37
-"""Where cells begin: not where the vertices of grids lie."""
+"""Offset of the cells, so that the vertices of regular grids do not lie on their borders."""
 
 _READ = 1.5
-"""Means are read from cells whose middles lie within so many edges of a cell."""
+"""Means are interpolated from cells whose centres are within this distance, in edges of a cell."""
 
 _BITS = 19
 
@@ -69,7 +70,7 @@ class CellMeans:
         owners = np.repeat(self._fine, np.diff(start))
         contacts = _contacts(owners, self._fine[ring], lengths, count)
         ask()
-        own = _summed(self._fine, masses / units, count)  # areas in their own units
+        own = _summed(self._fine, masses / units, count)  # areas in local units
         self._walk = _cell_graph(contacts, self._middles, own, FINE)
         coarse_keys = np.empty(count, np.int64)
         coarse_keys[self._fine] = keys[:, 1]
@@ -96,11 +97,11 @@ class CellMeans:
         return out
 
     def smoothed(self, means: Singles) -> Singles:
-        """Smooth means over 8 units."""
+        """Smooth means with a standard deviation of 8 units."""
         return self._spread(self._walk, means[:, 0], WIDE**2)[:, None]
 
     def of_region(self, means: Singles) -> Singles:
-        """Smooth means over 32 units."""
+        """Smooth means with a standard deviation of 32 units."""
         sums = self._region_sums(means[:, 0] * self._held)
         rows = _divided(sums, self._coarse_held).astype(np.float32)
         rows = self._spread(self._coarse_walk, rows, REGION**2 - WIDE**2)
@@ -119,7 +120,7 @@ class CellMeans:
         return sums[held > 0] / held[held > 0], held[held > 0]
 
     def read(self, means: Singles, first: int, out: Singles) -> None:
-        """Read means at the vertices from `first` on, into (k, n)."""
+        """Interpolate means at the vertices from `first` on, into `out` (k, n)."""
         stop = min(first + out.shape[1], len(self._fine))
         _read(first, stop, self._places, self._units, self._fine, *self._near, self._middles,
               np.ascontiguousarray(means[:, 0].T), out)  # fmt: skip
@@ -141,7 +142,7 @@ def _summed(groups: Ints, rows: npt.NDArray, count: int) -> Floats:
 
 
 def _averaged(groups: Ints, masses: Floats, held: Floats, places: Floats) -> Floats:
-    # Places of what has no mass count alike.
+    # Vertices without mass have equal weights.
     alike = _summed(groups, np.ones(len(groups)), len(held))
     out = np.empty((len(held), places.shape[1]))
     for x in range(places.shape[1]):
@@ -203,7 +204,7 @@ def _flood(start, stop, begin, others, keys, part, number, queue):
 
 @kernel
 def _measure(start, stop, vertices, ring_start, ring, weights, lengths):
-    # What each edge conducts, times its length.
+    # The conductance of each edge times its length.
     for v in range(start, stop):
         for i in range(ring_start[v], ring_start[v + 1]):
             total = 0.0
@@ -224,7 +225,7 @@ def _conduct(start, stop, begin, others, lengths, middles, weights):
 
 @kernel
 def _read(first, last, places, units, owners, begin, others, middles, means, out):
-    # Of as many vertices as its caller takes between two questions.
+    # Used for as many vertices as the caller takes between two checks for cancelling.
     count = means.shape[1]
     sums = np.empty(count, np.float32)
     for v in range(first, last):

@@ -85,10 +85,10 @@ def fitted(
 
     Notes
     -----
-    A vertex counts by its share of the area, by its distance (a smooth weight that vanishes at
-    the radius), and by how far its normal agrees: the fourth power of the cosine. So a fit beside
-    a crease is that of its own side. What counts is joined to the vertex by edges among vertices
-    that count; so the other side of a thin wall does not.
+    The weight of a vertex is the product of its share of the area, a smooth function of its
+    distance that vanishes at the radius, and the fourth power of the cosine between the normals. So
+    a fit beside a crease is that of its own side. Only vertices that are connected to the centre by
+    edges among vertices with a weight are used, so that the other side of a thin wall is not.
     """
     start, ring = mesh.neighbours
     out = np.zeros((mesh.vertex_count, TERMS, 1 + signals.shape[1]))

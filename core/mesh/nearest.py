@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The points that lie near places in space.
+"""Searches for points near places in space.
 
-By a balanced k-d tree (Friedman, Bentley and Finkel 1977), not by a grid of cells: points of a
-surface may lie in a few dense spots, all of which one cell of a grid would hold. The tree takes no
+They use a balanced k-d tree (Friedman, Bentley and Finkel 1977), not a grid of cells, because the
+points of a surface may be concentrated in a few spots, each in a single cell. The tree needs no
 pointers: node j of a level has the points from ``n j / 2**level`` to ``n (j + 1) / 2**level``.
 """
 
@@ -17,16 +17,16 @@ from ..base.parallel import kernel, run
 from .triangle_mesh import Floats, Ints
 
 _LEAF = 8
-"""Points of a leaf, about."""
+"""Approximate number of points in a leaf."""
 
 _CHUNK = 1 << 12
-"""Places at once."""
+"""Places per chunk of a thread."""
 
 _PATIENCE = 8
-"""Times as many points as there are that are compared with pivots before their choice changes."""
+"""Pivots are chosen at random after this many comparisons per point in one selection."""
 
 _DEEPEST = 64
-"""Nodes that wait on the way down, at most: one a level."""
+"""Size of the stack of nodes in a search: one for each level."""
 
 
 class PointTree(NamedTuple):
@@ -36,7 +36,7 @@ class PointTree(NamedTuple):
     ----------
     points : (n, 3) float64
     numbers : (n,) int32
-        Where each of them was before.
+        Index of each point in the input.
     boxes : (nodes, 2, 3) float64
         Lowest and highest coordinates of each node, level by level from the root.
     lowest : (nodes,) int32
@@ -53,7 +53,7 @@ class PointTree(NamedTuple):
 
 
 def point_tree(points: Floats) -> PointTree:
-    """Order points, (n, 3), for searches.
+    """Build a tree of points, (n, 3), for searches.
 
     Examples
     --------
@@ -165,9 +165,9 @@ def _split(start, stop, level, tree):
 
 @kernel
 def _part(points, numbers, axis, low, high, middle):
-    # Hoare's selection: no coordinate before `middle` is greater, and none after it is less. If
-    # pivots from the ends and the middle are bad again and again, they come from scattered places,
-    # as otherwise the time would grow with the square of the number of points in some orders.
+    # Hoare's selection: no coordinate before `middle` is greater, and none after it is less. After
+    # many bad pivots from the ends and the middle, they are chosen pseudo-randomly: otherwise the
+    # time would grow with the square of the number of points for some orders.
     most = _PATIENCE * (high - low + 1)
     scatter = 0
     while low < high:

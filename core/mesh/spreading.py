@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Smoothing by the flow of heat on graphs: vertices of a mesh, or cells of these.
+"""Smoothing by heat diffusion on graphs, of the vertices of a mesh or of cells of vertices.
 
-Not in the papers. Lengths are in units of each vertex's own surroundings: the square root of the
-area that it has there, so that the vertices of a grid of unit squares lie one unit apart. Heat
-flows along edges by their cotangent weights; after a time of half a variance it has spread by that
-variance, along each direction, however the vertices lie. Long times take far fewer steps than plain
-ones would, by Legendre polynomials (Meyer, Balsara and Aslam, 2014: super-time-stepping).
+Not in the papers. Lengths are in a local unit at each vertex: the square root of the area per
+vertex, so that the vertices of a grid of unit squares are one unit apart. Heat flows along edges by
+their cotangent weights; after a time of half a variance, it has spread by that variance in each
+direction, however the vertices lie. Long times take far fewer steps than explicit ones would, by
+Legendre polynomials (Meyer, Balsara and Aslam, 2014: super-time-stepping).
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from .triangle_mesh import Floats, Ints, TriangleMesh
 Singles = npt.NDArray[np.float32]
 
 FASTEST = 12.0
-"""The most heat per time that a vertex exchanges: 3 times as much as on a grid of squares. Needles
-would need many more steps; their edges conduct less."""
+"""Largest sum of the rates of a vertex: 3 times that on a grid of squares. Needle-like faces would
+exceed it and need many more steps, so their vertices exchange less."""
 
 MOST_SPREAD = 8.0
-"""The most variance per time by one edge: its rate times its squared length. All edges of a vertex
-come to 4 together where a mesh is even; needles would come to hundreds and more."""
+"""Largest variance per time by one edge: its rate times its squared length. On an even mesh the sum
+over the edges of a vertex is 4; with needle-like faces it would be hundreds and more."""
 
 _PLAIN = 4
-"""Up to so many plain steps are taken."""
+"""Most explicit steps; longer times use Legendre polynomials."""
 
 _ROUNDS = 3
-"""Rounds of many steps: the kernel of a single one is a ring, not a Gaussian."""
+"""Rounds of these: the kernel of a single one is a ring, not a Gaussian."""
 
 _EVEN = 3
-"""Passes that even out the area of vertices."""
+"""Smoothing passes over the areas of vertices."""
 
 
 @dataclass(frozen=True)
 class Graph:
-    """What exchanges heat with what.
+    """The rates of heat exchange between neighbours.
 
     Attributes
     ----------
@@ -52,9 +52,9 @@ class Graph:
     others : (k,) int32
         Neighbours of each: ``others[start[i]:start[i + 1]]``.
     rates : (k,) float32
-        The share of the difference to each that flows in a unit of time.
+        Share of the difference to each neighbour that flows in a unit of time.
     most, fastest : float
-        The most that the sum of the rates of one may be, and the greatest there is.
+        Upper limit of the sum of rates of a vertex, and the largest sum there is.
     """
 
     start: Ints
@@ -69,7 +69,7 @@ class Graph:
             return values
         time = 0.5 * variance
         plain = math.ceil(time * self.most)
-        # Few plain steps fade what varies from vertex to vertex as sampled Gaussians do.
+        # A few explicit steps damp variations between vertices as sampled Gaussians do.
         rounds, work = (plain, 1) if plain <= _PLAIN else (_ROUNDS, time * self.fastest / _ROUNDS)
         steps = max(math.ceil(math.sqrt(2.0 * work + 0.25) - 0.5), 1)
         share = time / rounds * 2 / (steps * steps + steps)
@@ -92,9 +92,9 @@ class Graph:
 def graph_of(
     start: Ints, others: Ints, weights: Floats, masses: Floats, most: float = FASTEST
 ) -> Graph:
-    """Make a graph of symmetric weights and of masses; what would exchange too much gets more mass.
+    """Make a graph of symmetric weights and masses, with more mass where rates exceed `most`.
 
-    So linear functions stay as they are wherever the weights keep them so.
+    Changing masses and not weights keeps linear functions unchanged wherever the weights do.
     """
     count = len(masses)
     rates, sums = np.empty(len(others), np.float32), np.empty(count)
@@ -103,9 +103,9 @@ def graph_of(
 
 
 def squared_units(mesh: TriangleMesh) -> Floats:
-    """Measure the area that a vertex has, in squared mean edge lengths: (n,), 1 without faces.
+    """Measure the area per vertex, in squared mean edge lengths: (n,), 1 without faces.
 
-    Twice the mean area of the faces around: a mesh has two faces for each vertex.
+    It is twice the mean area of the faces around, because a mesh has two faces for each vertex.
     """
     values = np.empty(mesh.vertex_count)
     areas = mesh.areas
@@ -122,15 +122,15 @@ def squared_units(mesh: TriangleMesh) -> Floats:
 def vertex_graph(mesh: TriangleMesh, areas: Floats, units: Floats) -> tuple[Graph, Floats]:
     """Return the graph of the vertices, and the weights of ``mesh.neighbours``.
 
-    Cotangents below 0 count as 0, so that what spreads stays between what there was. Weights are
-    limited by the squared length of the edge: those of needles would carry heat from one of their
-    ends to the other.
+    Negative cotangent weights become 0, so that results stay in the range of the input. Weights are
+    limited by the squared length of the edge: in needle-like faces, heat would flow from one end to
+    the other.
 
     Parameters
     ----------
     mesh : TriangleMesh
     areas : (n,) float64
-        Of the vertices, in squared mean edge lengths.
+        Areas of the vertices, in squared mean edge lengths.
     units : (n,) float64
         Squared units of length, as from `squared_units`.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Windows of vertices: those within a step, as the 3 x 3 window of a pixel."""
+"""Windows of vertices: those within one step, like the 3 x 3 window of a pixel."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..base.vectors import after, dot, edge
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
 REACH = 1.5
-"""Units within which vertices across the edges around a vertex are in its window: on a grid of
-squares, those across diagonals."""
+"""Distance, in local units, within which vertices across the edges around a vertex are in its
+window: on a grid of squares, diagonal neighbours."""
 
 
 def windows_of(mesh: TriangleMesh, units: Floats) -> tuple[Ints, Ints]:
-    """Find the neighbours of each vertex, and those near it across the edges around it.
+    """Find the neighbours of each vertex, and near vertices across the edges around it.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Learned mixtures: small networks that weigh several results of filters, place by place.
+"""Learned mixtures: small networks that weigh the results of several filters, place by place.
 
-A network never makes up a value: it sees how far the candidates are from each other and what lies
-around, and says how much each of them counts. `network` runs it, `choice` tells the candidates
-apart and mixes them, `cells` looks farther around.
+A network never invents a value: from the distances between the candidates, and from features of the
+surroundings, it computes the weight of each candidate. `network` runs it, `choice` computes the
+distances and mixes the candidates, `cells` averages features over wider surroundings.
 
 May use only `core.base`.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Means over a grid of cells, for what lies farther around than a few neighbours."""
+"""Averages over a grid of cells, for surroundings wider than a few rings of neighbours."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from ..base.progress import ask
 Floats = npt.NDArray[np.float64]
 
 _CORNERS = np.array(list(product((0, 1), repeat=3)))
-"""Of a cell; the last axis changes first."""
+"""Corners of a cell; the last axis changes fastest."""
 
 _MOST_CELLS = 5e5
-"""Along an axis, from the origin: so that 64 bits number them."""
+"""Most cells along an axis, from the origin, so that a 64-bit number can index them all."""
 
 
 class MeansAround:
-    """Averages of values around places, whatever the number of them: smooth, over about a size.
+    """Weighted averages of values around points, at a cost that does not depend on the radius.
 
-    Each value counts for the eight corners of its cell, as near as it is to them. Two passes of
-    (1, 2, 1) / 4 along each axis smooth the sums, which are read as they were written. So the
-    weights fall nearly evenly in all directions, however the grid of cells lies: it follows the
-    axes, and has a corner at the origin.
+    Each value is added to the eight corners of its cell by trilinear weights. Two passes of
+    (1, 2, 1) / 4 along each axis smooth these sums, and a trilinear lookup reads them. So the
+    weights are nearly isotropic, although the grid is aligned with the axes and the origin.
 
     Parameters
     ----------
     places : (n, 3) float64
+        The points.
     values : (n, d) float64
     size : float
-        Two cells, in the unit of the places: the weights have a standard deviation of 0.58 of it
-        along each axis. Larger cells are taken where places lie very far apart.
+        Width of two cells, in the unit of the points. The weights have a standard deviation of
+        0.58 times this along each axis. Cells are larger if the points lie very far apart.
     """
 
     def __init__(self, places: Floats, values: Floats, size: float) -> None:
@@ -63,7 +63,7 @@ class MeansAround:
         self._sums = sums
 
     def at(self, rows: npt.NDArray[np.integer]) -> Floats:
-        """Return the averages around some of the places: (k, d)."""
+        """Return the averages around some of the points, by index: (k, d)."""
         out = np.empty((len(rows), self._sums.shape[1] - 1))
         run(_read, len(rows), rows, self._places, self._low, self._size, self._index, self._cell,
             self._sums, out)  # fmt: skip
@@ -71,7 +71,7 @@ class MeansAround:
 
 
 def _beside(corners: npt.NDArray[np.int64], step: int) -> npt.NDArray[np.int32]:
-    # The numbers of the corners before and after each along an axis; -1 where there is none.
+    # The indices of the corners before and after each one along an axis; -1 if there is none.
     found = np.empty((len(corners), 2), dtype=np.int32)
     for k, way in enumerate((-step, step)):
         at = np.minimum(np.searchsorted(corners, corners + way), len(corners) - 1)
@@ -80,7 +80,7 @@ def _beside(corners: npt.NDArray[np.int64], step: int) -> npt.NDArray[np.int32]:
 
 
 def _numbered(keys: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray]:
-    # The different keys, sorted, and which of them each is.
+    # The unique keys, sorted, and the index of each key among them.
     most = int(keys.max()) + 1
     if most > 16 * len(keys) + 4096:
         return np.unique(keys, return_inverse=True)
@@ -103,7 +103,7 @@ def _number(start, stop, places, low, size, span, keys):
 
 @kernel
 def _share(c, v, places, low, size):
-    # How much the corner c of its cell counts for a place: along each axis from 0 to 1.
+    # The trilinear weight, for a point, of corner c of its cell.
     share = 1.0
     for axis in range(3):
         t = (places[v, axis] - low[axis]) / size

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Candidates: how far they are from each other, and their mixture."""
+"""Distances between candidates, and their mixture."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from ..base.parallel import kernel, run
 from .network import Singles
 
 FAINT = 0.02
-"""Distances of this size and less look alike to a network, which is told their logarithms."""
+"""Added to distances before their logarithm is taken: smaller distances are hardly told apart."""
 
 
 def pair_count(candidates: int) -> int:
-    """Number of pairs that `tell_pairs` tells of."""
+    """Return the number of pairs of candidates."""
     return candidates * (candidates - 1) // 2
 
 
 def tell_pairs(candidates: Singles, told: Singles) -> None:
-    """Put the logarithms of the distances of all pairs into the first columns of `told`.
+    """Write the logarithms of the distances of all pairs into the first columns of `told`.
 
     Parameters
     ----------
     candidates : (n, k, d) float32
     told : (n, k (k - 1) / 2 or more) float32
+        The features for a network.
     """
     run(_tell_pairs, len(candidates), candidates, told)
 
@@ -32,7 +33,7 @@ def tell_pairs(candidates: Singles, told: Singles) -> None:
 def mixture(
     candidates: Singles, scores: Singles, first: int = 0
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Mix unit vectors by the exponentials of their scores.
+    """Mix unit vectors by the softmax of their scores.
 
     Parameters
     ----------
@@ -40,14 +41,14 @@ def mixture(
         Unit vectors.
     scores : (n, k) float32
     first : int
-        Those before it do not count.
+        Candidates before this index have weight 0.
 
     Returns
     -------
     mixed : (n, 3) float64
-        Unit vectors; the own one, candidate 0, where the others cancel each other.
+        Unit vectors; candidate 0 where the weighted sum is zero.
     shares : (n, k) float64
-        How much each counts; they add up to 1.
+        The weights, which add up to 1.
     """
     mixed = np.empty((len(candidates), 3))
     shares = np.empty(scores.shape)
@@ -56,19 +57,19 @@ def mixture(
 
 
 def free_mixture(candidates: Singles, scores: Singles) -> npt.NDArray[np.float64]:
-    """Mix unit vectors by the exponentials of their scores, and a little beyond them.
+    """Mix unit vectors by the softmax of their scores plus a free term, which may extrapolate.
 
     Parameters
     ----------
     candidates : (n, k, 3) float32
         Unit vectors.
     scores : (n, 2 k) float32
-        The shares of the first half add up to 1; the second half is added to them.
+        The weights are the softmax of the first half plus the second half.
 
     Returns
     -------
     (n, 3) float64
-        Unit vectors; the own one, candidate 0, where the others cancel each other.
+        Unit vectors; candidate 0 where the weighted sum is zero.
     """
     mixed = np.empty((len(candidates), 3))
     run(_mix_freely, len(candidates), candidates, scores, mixed)
@@ -77,13 +78,13 @@ def free_mixture(candidates: Singles, scores: Singles) -> npt.NDArray[np.float64
 
 @kernel
 def logarithm(x):
-    """Natural logarithm of a positive float32, within 1.1e-6 for 1e-5 to 20; loops become vectors.
+    """Natural logarithm of a positive float32, within 1.1e-6 from 1e-5 to 20; it vectorizes.
 
-    With x = m 2^e, m between the roots of 1/2 and 2: log m = 2 atanh((m - 1) / (m + 1)), by five
+    With x = m 2^e and m between sqrt(1/2) and sqrt(2): log m = 2 atanh((m - 1) / (m + 1)), by five
     terms of its series.
     """
     bits = np.float32(x).view(np.int32)
-    e = (bits - np.int32(0x3F3504F3)) >> 23  # from the bits of the root of 1/2
+    e = (bits - np.int32(0x3F3504F3)) >> 23  # 0x3F3504F3 are the bits of sqrt(1/2)
     m = np.int32(bits - (e << 23)).view(np.float32)
     s = (m - np.float32(1)) / (m + np.float32(1))
     q = s * s
@@ -94,7 +95,7 @@ def logarithm(x):
 
 @kernel
 def _tell_pairs(start, stop, candidates, told):
-    # Coordinate by coordinate, so that the inner loops become code for vectors.
+    # Coordinate by coordinate, so that the compiler vectorizes the inner loops.
     k, size = candidates.shape[1], candidates.shape[2]
     places = np.empty((size, k), np.float32)
     for f in range(start, stop):

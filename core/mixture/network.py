@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small networks of fully connected layers, with what they were made of."""
+"""Small networks of fully connected layers, and their files."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from ..base.parallel import chunk_size, kernel, run
 Singles = npt.NDArray[np.float32]
 
 _CHUNK = 2048
-"""Most rows that a thread takes at once: each costs as much as many of other kernels."""
+"""Most rows per chunk of a thread; small, because a row costs more here than in other kernels."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """A network, and where it comes from.
+    """A network of fully connected layers with ReLU between them, and its origin.
 
     Attributes
     ----------
     weights : tuple of (inputs, outputs) float32
-        One for each layer; between layers what is below 0 becomes 0.
+        One matrix for each layer.
     shifts : tuple of (outputs,) float32
+        The biases of each layer.
     definition : str
         Digest of what its inputs and outputs mean; see `digest`.
     made_of : str
         Digest of the scripts that trained it.
     version : int
-        Counts the trainings that were shipped.
+        Number of shipped trainings, including this one.
     """
 
     weights: tuple[Singles, ...]
@@ -42,10 +43,10 @@ class Network:
     version: int = 0
 
     def scores(self, told: Singles) -> Singles:
-        """Return the last layer's values: (n, inputs) -> (n, outputs) float32.
+        """Evaluate the network for rows of features: (n, inputs) -> (n, outputs) float32.
 
-        Each row is computed by itself, in one order: it has the same bits whatever other rows
-        there are, and on any number of threads.
+        Each row is computed by itself, in a fixed order, so its bits do not depend on other rows
+        or the number of threads.
         """
         rows = told
         chunk = min(_CHUNK, chunk_size(len(rows)))
@@ -57,10 +58,10 @@ class Network:
         return rows
 
     def of_columns(self, told: Singles) -> Singles:
-        """Return the last layer's values of what lies in columns: (inputs, n) -> (outputs, n).
+        """Evaluate the network for columns of features: (inputs, n) -> (outputs, n).
 
-        For some thousand columns at once, on one thread. Each has the same bits whatever others
-        there are; these may differ in the last places from those of `scores`.
+        Meant for some thousand columns at once, on one thread. The bits of a column do not depend
+        on others, but may differ in the last places from those of `scores`.
         """
         columns = told
         for i, (weights, shift) in enumerate(zip(self.weights, self.shifts, strict=True)):
@@ -71,7 +72,7 @@ class Network:
 
 
 def digest(*texts: str) -> str:
-    """Sum up texts in 16 letters."""
+    """Return a hash of texts, of 16 hexadecimal digits."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:16]
 
 
@@ -81,9 +82,9 @@ def load(path: Path, definition: str) -> dict[str, Network]:
     Parameters
     ----------
     path : Path
-        As `save` has written it.
+        A file written by `save`.
     definition : str
-        What their inputs and outputs mean to the code that asks.
+        Digest of what inputs and outputs mean in the calling code.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def load(path: Path, definition: str) -> dict[str, Network]:
 
 
 def save(path: Path, networks: dict[str, Network]) -> None:
-    """Write networks of one training; their weights are rounded to half precision."""
+    """Write the networks of one training to a file; weights are rounded to half precision."""
     arrays: dict[str, npt.NDArray] = {}
     for name, network in networks.items():
         for i, (weights, shift) in enumerate(zip(network.weights, network.shifts, strict=True)):
@@ -119,7 +120,7 @@ def save(path: Path, networks: dict[str, Network]) -> None:
 
 @kernel
 def _layer(start, stop, rows, weights, shift, last, out):
-    # Four inputs at a time: the outputs are read and written a quarter as often.
+    # Four inputs at a time, so that outputs are read and written a quarter as often.
     inputs, outputs = weights.shape
     for r in range(start, stop):
         x, y = rows[r], out[r]
@@ -152,7 +153,7 @@ def _add_input(column, weight, out):
 
 @kernel
 def _layer_of_columns(columns, weights, shift, last, out):
-    # Four inputs and four outputs at a time; the loops along columns become code for vectors.
+    # Four inputs and four outputs at a time; the loops along columns are vectorized.
     inputs, outputs = weights.shape
     count = columns.shape[1]
     least = np.float32(-np.inf) if last else np.float32(0)

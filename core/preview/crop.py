@@ -16,7 +16,7 @@ _MARGIN = 64
 """Largest margin of filtered but invisible pixels, some of whose neighbors are missing."""
 
 _SQUARE = 16
-"""Large patches begin at multiples of it, as means are taken of squares of so many pixels."""
+"""Large patches begin at multiples of this, because means are taken over squares of this side."""
 
 _REACHED = 6_000_000
 """Number of pixels that kernels reach in about a quarter of a second."""

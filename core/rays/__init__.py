@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays against triangles: a hierarchy of boxes, and directions in which to look.
+"""Ray tracing of triangles: a bounding volume hierarchy, and directions of rays.
 
-May use only the rooms below `core.mesh`. The kernels are our own: libraries for rays, such as
-embree, have no wheels for all platforms of the extension, and none may compile on a user's
-machine.
+May use only the rooms below `core.mesh`. The kernels are our own: libraries for ray tracing, such
+as embree, have no wheels for some platforms of the extension, and nothing may be compiled on a
+user's machine.
 """

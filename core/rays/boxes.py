@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A hierarchy of boxes around triangles, and the first triangle that a ray meets."""
+"""A bounding volume hierarchy of triangles, and the search for the first triangle along a ray."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..base.parallel import kernel
 from ..base.progress import ask
 
 _LEAF = 4
-"""Most triangles of a leaf; up to twice as many where no cut pays."""
+"""Most triangles of a leaf; up to twice as many where splitting is no gain."""
 
 _BINS = 16
 _CODED = 16
@@ -20,10 +20,11 @@ _DEPTH = 64
 """Most levels; below it, halves are cut by count."""
 
 STACK = 3 * _DEPTH
-"""Room that the search for a ray needs."""
+"""Size of the stack that a search needs."""
 
 _EDGE = np.float32(1e-6)
-"""How far beside a triangle a ray still meets it, so that none slips between two."""
+"""Tolerance in barycentric coordinates by which rays beside a triangle hit it, so that none passes
+between two."""
 
 _Single = npt.NDArray[np.float32]
 
@@ -34,13 +35,13 @@ class Boxes(NamedTuple):
     Attributes
     ----------
     boxes : (k, 12) float32
-        Of each node, the lowest and the highest corner of both parts.
+        For each node, the lowest and the highest corner of both parts.
     parts : (k, 2) int32
         The node of each part; for a leaf -1 - (16 first + count), triangles in `triangles`.
     triangles : (m, 9) float32
         The first corner, and the edges to the second and the third, in the order of the leaves.
     order : (m,) int32
-        Which triangle each of these is.
+        The index of each of these triangles in the input.
     """
 
     boxes: _Single
@@ -190,7 +191,7 @@ def first_hit(tree, ox, oy, oz, dx, dy, dz, limit, any_hit, stack):
     limit : float32
         In lengths of the direction.
     any_hit : bool
-        Whether any triangle will do, and not the first one alone.
+        Whether to return any triangle along the ray, not necessarily the first.
     stack : (STACK,) int32
         Overwritten.
     """
@@ -243,7 +244,7 @@ def first_hit(tree, ox, oy, oz, dx, dy, dz, limit, any_hit, stack):
             leaves = min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * np.float32(1.000001)
             if enters <= leaves and enters < nearest:
                 if side == 1 and top > 0 and near < enters:
-                    # The nearer part is looked at first.
+                    # The nearer part is searched first.
                     stack[top] = stack[top - 1]
                     stack[top - 1] = part
                 else:

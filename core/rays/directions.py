@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Directions that fill a hemisphere evenly: Sobol's points, shared out to neighbours."""
+"""Evenly distributed directions in a hemisphere: Sobol sequences shared by neighbouring places."""
 
 from __future__ import annotations
 
@@ -102,18 +102,18 @@ def ray_points(rays: int) -> npt.NDArray[np.uint32]:
 def ray_of(points, rays, turn, i):
     """Return the place on the unit disk below ray i of a place.
 
-    Places that follow each other on a curve have successive parts of one scrambled sequence, so
-    that what one place leaves out its neighbours have: their errors, of high frequency, go when
-    they are averaged (Ahmed and Wonka 2020, "Screen-space blue-noise diffusion of Monte Carlo
-    sampling error via hierarchical ordering of pixels").
+    Successive places on a curve have successive parts of one scrambled sequence, so that neighbours
+    cover the directions that a place lacks. Their errors have high frequency and vanish when they
+    are averaged (Ahmed and Wonka 2020, "Screen-space blue-noise diffusion of Monte Carlo sampling
+    error via hierarchical ordering of pixels").
 
     Parameters
     ----------
     points : (k, 2) uint32
-        Those of `ray_points`.
+        The result of `ray_points`.
     rays : int
     turn : int64
-        Where the place is on the curve.
+        The position of the place on the curve.
     i : int
         From 0 to `rays` - 1.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What depends on the data, and what batch runs on files make: other types, masks, gains."""
+"""Runs for other data and for batch runs on files: other types, masks, gains."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def runs_on_textures(rows: list[Filter], model: Textured, size: int) -> Iterator
 
 
 def runs_on_meshes(mesh: TriangleMesh) -> Iterator[Callable[[], Any]]:
-    """Yield what few or large meshes need: borders without crests, solves, repeated entries."""
+    """Yield runs that only few or large meshes need: borders without crests, repeated entries."""
     yield partial(_few_borders, mesh)
     yield _slow_solve
     yield _large_solves

@@ -96,7 +96,7 @@ def rehearse(
     for number, run in enumerate(runs):
         if progress is not None and not progress(number / len(runs), "Preparing"):
             return
-        with gathering():  # as hosts do: what is told is measured, too
+        with gathering():  # as hosts do: reports need measurements of their own
             run()
 
 
@@ -174,7 +174,7 @@ def _settings(row: Filter) -> Iterator[Any]:
     for name, (_, default, about) in fields.items():
         changes += [{name: value} for value in about.rehearsed if value != default]
         words = [word for word in about.choices if word != default]
-        # What has code of its own where no time is given, and borders are found or given.
+        # Settings with separate code: without a time, with measured or given borders.
         given: list[dict[str, Any]] = [short]
         if name == "what":
             given = [{}, {named(row.settings, "width"): _BORDERS}]
@@ -222,7 +222,7 @@ def _directions() -> Any:
 
 
 def _baked() -> Any:
-    # A box onto itself; and what is worn along edges alone.
+    # A box baked onto itself; and wear along given edges only.
     faces = _textured(_SIZE)[0].faces
     mesh = TriangleMesh(faces.positions, faces.triangles)
     given: dict[str, Any] = {"high": mesh, "colors": faces.positions, "occluders": [mesh]}
@@ -300,7 +300,7 @@ def _shape() -> MirroredSurface:
 
 
 def _mend() -> None:
-    # What refits seldom need: folds are undone, and moves that come to nothing are told.
+    # Code that refits seldom need: undoing folds, and reports of undone moves.
     mesh = TriangleMesh(*_box())
     moved = np.random.default_rng(0).normal(size=mesh.vertices.shape) * mesh.mean_edge_length
     mended(mesh, mesh.normals, moved, None)

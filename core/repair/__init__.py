@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Repair of textures and images: what is missing is filled, pictures tile, blocks of JPEG go.
+"""Repair of textures and images: filling of missing texels, tiling, removal of JPEG blocks.
 
-Nothing is invented: what is filled in follows from what is around it. May use `stitch`, `texture`
-and the rooms below it.
+Nothing is invented: missing texels are computed from those around them. May use `stitch`,
+`texture` and the rooms below it.
 """

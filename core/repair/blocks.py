@@ -27,44 +27,45 @@ _STANDARD = np.array([
     [18, 22, 37, 56, 68, 109, 103, 77], [24, 35, 55, 64, 81, 104, 113, 92],
     [49, 64, 78, 87, 103, 121, 120, 101], [72, 92, 95, 98, 112, 100, 103, 99],
 ], dtype=np.float64)  # fmt: skip
-"""The table of brightness that nearly all encoders scale (ITU-T T.81, annex K)."""
+"""The quantization table of brightness that nearly all encoders scale (ITU-T T.81, annex K)."""
 
 _COLOR = np.full((8, 8), 99.0)
 _COLOR[:4, :4] = [[17, 18, 24, 47], [18, 21, 26, 66], [24, 26, 56, 99], [47, 66, 99, 99]]
-"""That of color."""
+"""The quantization table of color."""
 
 _STEPS = 3, 64
-"""Least and greatest steps of coefficients that are looked for."""
+"""Smallest and largest quantization steps that are tested."""
 
 _SURE = 6.0
-"""Standard errors by which rounded coefficients must stand out."""
+"""Least fit of a quality to the coefficients, in standard errors."""
 
 _FEW = 24
-"""Fewest coefficients beyond half a step that tell their step."""
+"""Fewest coefficients, larger than 3/4 of a step, from which the step is tested."""
 
 _OTHER_GRIDS = (4, 4), (4, 0), (0, 4)
-"""Shifts of grids on which coefficients of compressed pictures are no multiples of a step."""
+"""Shifts of grids on which the coefficients of a compressed picture are not multiples of steps."""
 
 _ELSEWHERE = 0.5
-"""Greatest fit there, of that on the picture's own grid. Soft pictures fit alike on all grids."""
+"""Largest fit on those grids, over that on the picture's own grid. Soft pictures, which are not
+compressed, fit alike on all grids."""
 
 _SHIFTS = 2
-"""Distance of the grids whose results are averaged, in pixels."""
+"""Distance between the grids whose results are averaged, in pixels."""
 
 _THRESHOLD = 0.3
-"""Coefficients on other grids below this many steps are taken for rounding."""
+"""Coefficients on other grids below this share of a step are set to 0 in the first estimate."""
 
 _NOISE = 0.25
 """Standard deviation of the rounding, in steps."""
 
 
 class Compression(NamedTuple):
-    """What is known of a picture's compression.
+    """The compression of a picture.
 
     Attributes
     ----------
     quality : float
-        From 1 to 100, as in most encoders; by which their table is scaled.
+        From 1 to 100, as in most encoders, which scale their table by it.
     offset : (int, int)
         Row and column of the first whole block.
     times : int
@@ -84,7 +85,7 @@ def remove_blocks(
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:
-    """Remove the blocks and ringing of JPEG compression; edges stay.
+    """Remove the blocks and ringing of JPEG compression, and keep edges.
 
     Parameters
     ----------
@@ -92,14 +93,15 @@ def remove_blocks(
         Bytes, 16 bits, or floats in [0, 1], as they were encoded: sRGB as sRGB.
     settings : BlockSettings, optional
     mask : (h, w) array of float in [0, 1], optional
-        1 takes the result, less mixes it with the image, 0 keeps it bit for bit.
+        1 takes the result, less mixes it with the image, 0 keeps the image bit for bit.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     array like `image`
-        Pictures without blocks stay bit for bit, and opacity does. At a strength of 0, too.
+        Pictures without blocks stay bit for bit, and so does opacity. A strength of 0 changes
+        nothing.
 
     Raises
     ------
@@ -110,10 +112,10 @@ def remove_blocks(
 
     Notes
     -----
-    Cosine coefficients of blocks of 8 x 8 pixels lie near multiples of a step where a picture was
-    compressed; that tells the grid and the quality. What the rounding took away is estimated on
-    other grids (Nosratinia 2001): small coefficients are removed there, what is left says how much
-    of each coefficient is signal (Wiener), and all grids are averaged.
+    In a compressed picture, the cosine coefficients of blocks of 8 x 8 pixels are near multiples of
+    quantization steps, which reveals the grid and the quality. The original is estimated on shifted
+    grids (Nosratinia 2001): a first estimate without small coefficients gives the signal power for
+    a Wiener filter of the coefficients, and the results on all grids are averaged.
 
     Examples
     --------
@@ -149,7 +151,7 @@ def remove_blocks(
 
 
 def compression_of(pixels: npt.NDArray) -> Compression | None:
-    """Find out how a picture (h, w, c) was compressed; None if it does not show."""
+    """Find the compression of a picture (h, w, c); None if there are no traces of it."""
     times = _repeats(pixels)
     bright = _brightness(pixels[::times, ::times])
     if min(bright.shape) < 4 * BLOCK:
@@ -177,7 +179,7 @@ def _repeats(pixels: npt.NDArray) -> int:
 
 
 def _brightness(pixels: npt.NDArray) -> Floats:
-    # In units of bytes.
+    # The brightness, from 0 to 255.
     scale = 255.0 * SCALES[pixels.dtype.name]
     alpha = opacity_channel(pixels.shape[2], "auto")
     colors = pixels if alpha < 0 else pixels[..., :alpha]
@@ -187,7 +189,7 @@ def _brightness(pixels: npt.NDArray) -> Floats:
 
 
 def _phase_of(bright: Floats) -> int:
-    # The row at which steps stand out most against those beside them.
+    # The row, modulo the block size, at which steps exceed those beside them most.
     steps = np.abs(np.diff(bright, axis=0))
     beside = np.abs(steps[1:-1]) - 0.5 * (steps[:-2] + steps[2:])
     means = [beside[k::BLOCK].mean() for k in range(BLOCK)]
@@ -195,7 +197,8 @@ def _phase_of(bright: Floats) -> int:
 
 
 def _quality(bright: Floats) -> float | None:
-    # The quality whose steps the coefficients of whole blocks fit best, and on no other grid.
+    # The quality that fits the coefficients of whole blocks best; None if none fits well, or if it
+    # fits other grids too.
     coefficients = _coefficients(bright)
     if coefficients is None:
         return None
@@ -207,14 +210,14 @@ def _quality(bright: Floats) -> float | None:
         others = _coefficients(bright[down:, right:])
         if others is not None and _fit(others, quality)[0] > _ELSEWHERE * sure:
             return None
-    # Blocks that repeat, as on sheets of sprites, tell nothing new.
+    # Repeated blocks, as on sheets of sprites, are counted once.
     distinct = np.unique(coefficients[:, :4, :4].reshape(-1, 16).round(3), axis=0)
     sure = _fit(distinct.reshape(-1, 4, 4), quality)[0]
     return float(quality) if sure > _SURE else None
 
 
 def _coefficients(bright: Floats) -> Floats | None:
-    # Of all whole blocks: (n, 8, 8); None if there are too few.
+    # The cosine coefficients of all whole blocks, (n, 8, 8); None if there are too few.
     height, width = (n - n % BLOCK for n in bright.shape)
     if min(height, width) < 2 * BLOCK:
         return None
@@ -222,8 +225,8 @@ def _coefficients(bright: Floats) -> Floats | None:
 
 
 def _fit(coefficients: Floats, quality: int) -> tuple[float, float]:
-    # How well coefficients are multiples of the steps of a quality, in standard errors and in
-    # the mean.
+    # How close coefficients are to multiples of the steps of a quality: the sum of cosines in
+    # standard errors, and their mean.
     table = _table(_STANDARD, quality)
     total, count = 0.0, 0
     for v in range(4):
@@ -241,7 +244,7 @@ def _fit(coefficients: Floats, quality: int) -> tuple[float, float]:
 
 
 def _table(standard: Floats, quality: float) -> Floats:
-    # As the Independent JPEG Group scales it.
+    # Scales a quantization table as the Independent JPEG Group does.
     factor = 5000.0 / quality if quality < 50 else 200.0 - 2.0 * quality
     return np.clip(np.floor((standard * factor + 50.0) / 100.0), 1.0, 255.0)
 
@@ -273,7 +276,7 @@ def _without_blocks(pixels: npt.NDArray, found: Compression, strength: float) ->
 
 
 def _smoothed(plane: Floats, table: Floats, done: float) -> Floats:
-    # Thresholding first, then Wiener's filter with what that leaves.
+    # Thresholding, then a Wiener filter with the signal power that thresholding leaves.
     steps = table.reshape(-1).astype(np.float32)
     threshold, noise = _THRESHOLD * steps, (_NOISE * steps) ** 2
 
@@ -294,7 +297,7 @@ def _smoothed(plane: Floats, table: Floats, done: float) -> Floats:
 
 
 def _over_grids(plane: Floats, guide: Floats, change: Callable[[Floats, Floats], Floats]) -> Floats:
-    # The mean over shifted grids of what `change` makes of the coefficients of both.
+    # Applies `change` to the coefficients of both images on shifted grids; averages the results.
     height, width = plane.shape
     below, right = -height % BLOCK + BLOCK, -width % BLOCK + BLOCK
     pad = ((BLOCK, below), (BLOCK, right))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Enlarging of textures, whose charts see across their seams what the surface has there."""
+"""Enlarging of textures, with values from across UV seams beside the charts."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from .smoothest import share_of_first
 Singles = npt.NDArray[np.float32]
 
 _AROUND = 16
-"""Texels around the charts that enlarging may read; it reaches less far."""
+"""Width of the gutter, in texels, that is filled before; enlarging reads less far."""
 
 _SAMPLE = 1 << 15
-"""Most texels far from charts that are looked at."""
+"""Number of texels away from charts, about, from which the background is measured."""
 
-_MOST = 0.75
-"""Share of them whose differences from their median are its noise."""
+_NOISE_QUANTILE = 0.75
+"""Quantile of their differences from the median that counts as the noise of the background."""
 
-_UNEVEN = 0.02, 0.06
-"""Noise, for white = 1, from which they are no plain background in part, and at all."""
+_NOISE_RAMP = 0.02, 0.06
+"""Ramp of that noise, for white = 1: below the first value there is a plain background, above the
+second there is none."""
 
-_DIFFERENT = 1 / 255, 6 / 255
-"""How much more than twice the noise a texel differs from the background, to count in part, and
-fully."""
+_DIFFERENCE_RAMP = 1 / 255, 6 / 255
+"""Ramp of the difference between a texel and the background, minus twice the noise: below the first
+value the texel is background, above the second it is painted."""
 
 
 @by_keyword
@@ -44,7 +45,7 @@ def enlarge_texture(
     progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
-    """Enlarge a texture; its charts see across UV seams what the surface has there.
+    """Enlarge a texture, with values from across UV seams beside the charts.
 
     Texture coordinates stay as they are.
 
@@ -58,7 +59,7 @@ def enlarge_texture(
     Returns
     -------
     (factor * h, factor * w) or (factor * h, factor * w, c) array
-        Of the type of the image. Normals have unit length.
+        An image of the same type. Normals have unit length.
 
     Raises
     ------
@@ -67,12 +68,12 @@ def enlarge_texture(
 
     Notes
     -----
-    The gutter is filled from across the seams, but for what is painted in texels that charts cover
-    in part, and beside seams where different materials meet; the picture is enlarged as
-    `sharpen_image` does, and the gutter is filled anew at the new size. It is enlarged as it is,
-    too, and at each texel that result counts more which goes on across the seams more smoothly:
-    where reducing mixed the background into rims of charts, that needs the background beside them,
-    to be told from a dark line.
+    The gutter is filled from across the seams, except where texels that charts cover in part are
+    painted, and beside seams where different materials meet. The picture is enlarged as by
+    `sharpen_image`, and the gutter is filled anew at the new size. The unchanged picture is
+    enlarged too, and at each texel the result that is smoother across seams has more weight: where
+    an earlier reduction has mixed the background into the rims of charts, these are only restored
+    with the background beside them.
 
     Examples
     --------
@@ -101,14 +102,14 @@ def enlarge_texture(
             large = wide if times == 1 else _enlarged(texture, wide, larger, settings)
         with phase(0.8, 1.0, "Filling the gutter"):
             texture, values = gathered(Texture(larger, large, alpha, normals), settings)
-            # Mixtures of normals are shorter.
+            # Interpolated normals are shorter, so they are written anew with unit length.
             keep = None if normals and times > 1 else texture.atlas.inside
             result = written(texture, values, settings, keep)
     return result.reshape(*result.shape[:2], *given.shape[2:])
 
 
 def _widened(texture: Texture, settings: EnlargeSettings) -> npt.NDArray:
-    # The image with a gutter that enlarging may read.
+    # The image with a filled gutter, for enlarging.
     pixels = texture.pixels
     around = settings.changed(gutter=_AROUND, background="nearest")
     settled, values = gathered(texture, around)
@@ -116,7 +117,7 @@ def _widened(texture: Texture, settings: EnlargeSettings) -> npt.NDArray:
     painted = _painted(texture.atlas, pixels)[..., None]
     beside = texture.atlas.masks().active
     if painted.any() and settings.seams == "auto":
-        # Where materials meet, what was painted goes on better than the nearest color.
+        # Where materials meet, painted texels are better than copies of the nearest color.
         own = around.changed(seams="extend")
         alone = written(gathered(texture, own)[0], values, own, texture.atlas.inside)
         beside = beside | (wide == alone).all(axis=2)
@@ -131,7 +132,8 @@ def _widened(texture: Texture, settings: EnlargeSettings) -> npt.NDArray:
 def _enlarged(
     texture: Texture, wide: npt.NDArray, larger: TextureAtlas, settings: EnlargeSettings
 ) -> npt.NDArray:
-    # The image with its gutter, and as it is, enlarged; what goes on across seams more smoothly.
+    # Enlarges the image with and without a filled gutter, and mixes the results by their smoothness
+    # across seams.
     how = ImageSettings(enlarge=settings.factor, alpha=settings.alpha)
     if (wide == texture.pixels).all():
         return sharpen_image(wide, how)
@@ -149,9 +151,8 @@ def _enlarged(
 
 
 def _painted(atlas: TextureAtlas, pixels: npt.NDArray) -> Singles:
-    # How far texels beside the charts hold something: not what lies far from all charts, if that is
-    # plain, up to its noise. Little of a narrow chart is covered wholly; the rest is known from
-    # these.
+    # How surely texels beside the charts are painted: those that differ from a plain background, as
+    # measured away from all charts. They matter for narrow charts, which cover few texels wholly.
     active = atlas.masks().active
     beside = ~atlas.inside
     far = pixels[~active]
@@ -160,10 +161,10 @@ def _painted(atlas: TextureAtlas, pixels: npt.NDArray) -> Singles:
     scale = np.float32(SCALES[pixels.dtype.name])
     far = far[:: -(-len(far) // _SAMPLE)] * scale
     background = np.median(far, axis=0)
-    noise = float(np.quantile(np.abs(far - background).max(axis=1), _MOST))
-    plain = 1.0 - _rise(np.asarray(noise), _UNEVEN)
+    noise = float(np.quantile(np.abs(far - background).max(axis=1), _NOISE_QUANTILE))
+    plain = 1.0 - _rise(np.asarray(noise), _NOISE_RAMP)
     away = np.abs(pixels * scale - background).max(axis=2)
-    differs = _rise(away - 2.0 * noise, _DIFFERENT)
+    differs = _rise(away - 2.0 * noise, _DIFFERENCE_RAMP)
     return np.where(beside, plain * differs + (1.0 - plain) * active, 0.0).astype(np.float32)
 
 

@@ -37,7 +37,7 @@ from .quarters import LESS, enlarged, reduced
 _Single = npt.NDArray[np.float32]
 
 _LARGE = 512
-"""Height or width from which a first guess from a smaller texture saves time."""
+"""Height and width from which an initial guess from a smaller texture saves time."""
 
 
 @by_keyword
@@ -52,7 +52,7 @@ def fill_texture(
     normals: npt.ArrayLike | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
-    """Fill texels without data smoothly from all that is around them on the surface.
+    """Fill texels without data smoothly from those around them on the surface.
 
     Known texels stay bit for bit. Colors cross UV seams, so that a hole at a seam is filled from
     both of its sides.
@@ -63,23 +63,22 @@ def fill_texture(
         As in `sharpen_texture`.
     settings : FillSettings, optional
     missing : (h, w) array of float in [0, 1], or a color, optional
-        1 where a texel is missing; less mixes what is filled in with the image, 0 keeps it bit for
-        bit. Or the color that stands for missing texels, in units of the image, one value a
-        channel. By default missing texels are found, see `FillSettings.find`.
+        1 where a texel is missing; less mixes the filled value with the image, 0 keeps the image
+        bit for bit. Or the color that marks missing texels, in units of the image, with one value
+        per channel. By default missing texels are found, see `FillSettings.find`.
     normals : (m, 3, 3) array of float, optional
         As in `filter_texture`.
 
     Returns
     -------
     array like `image`
-        Filled; opacity, too. The gutter around the charts is filled anew. Where nothing is
-        missing, the image bit for bit.
+        The filled image; opacity is filled too. The gutter around the charts is filled anew. If
+        nothing is missing, the image bit for bit.
 
     Raises
     ------
     InvalidUV, InvalidSignal, Cancelled
-        As in `sharpen_texture`; also if what is missing does not fit the image, or no texel is
-        known.
+        As in `sharpen_texture`; also if `missing` does not fit the image, or no texel is known.
     SolverError
         If no solution is found.
 
@@ -90,10 +89,10 @@ def fill_texture(
     Notes
     -----
     The membrane solves the Laplace equation on the elements of paper B, section 5, with the known
-    texels as boundary values; the thin plate the biharmonic one, with the values and slopes there.
-    A connected part of the surface of which nothing is known takes the colors of the nearest known
-    texels in space, averaged over 16 texels. With `grain`, noise as strong as the detail around is
-    taken away before, and added again; see `repair.grain`.
+    texels as boundary values; the thin plate solves the biharmonic equation, with their values and
+    slopes. A connected part of the surface without any known texel takes the colors of the nearest
+    known texels in space, averaged over 16 texels. With `grain`, noise as strong as the detail
+    around is subtracted before, and added after; see `repair.grain`.
 
     Examples
     --------
@@ -215,8 +214,8 @@ def _first_guess(
     settings: FillSettings,
     normals: Floats | None,
 ) -> _Single | None:
-    # What fills a texture of a quarter of the size, read at this size. Conjugate gradients need
-    # a third of the iterations from there.
+    # An initial guess: the result for a quarter of the resolution, interpolated. With it, conjugate
+    # gradients need a third of the iterations.
     pixels, mesh = texture.pixels, texture.atlas.mesh
     height, width = pixels.shape[:2]
     if height % LESS or width % LESS or min(height, width) < _LARGE:
@@ -245,8 +244,8 @@ def _filled(
     first: _Single | None,
     grain: _Single | None,
 ) -> _Single:
-    # The values of the nodes inside charts, from a first guess. What remains without the grain is
-    # filled smoothly, so that the grain goes on from that of the known texels.
+    # The values of the nodes inside charts, from an initial guess. The grain is subtracted before
+    # and added after, so that it continues the detail of the known texels.
     atlas = texture.atlas
     is_plate = settings.surface == "thin_plate"
     given = values
@@ -281,8 +280,8 @@ def _filled(
 
 
 def _limit(result: _Single, known: npt.NDArray, alpha: int) -> None:
-    # Slopes and grain lead on below 0, and opacity beyond 1, where nothing that is known is.
-    # Integers are cut off when they are written.
+    # Slopes and grain may lead to values below 0, and opacity above 1; both are clipped if no known
+    # value is there. Integers are clipped when they are written.
     for channel in range(known.shape[1] if known.dtype.kind == "f" and len(known) else 0):
         values = result[..., channel]
         if known[:, channel].min() >= 0:

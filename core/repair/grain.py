@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Grain for what is filled: noise whose bands are as strong as those of the texture around it."""
+"""Grain for filled texels: noise whose bands are as strong as those of the texture around them."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from ..texture.texels import Texture
 Singles = npt.NDArray[np.float32]
 
 _VARIANCES = 0.5, 2.0, 8.0
-"""Squared standard deviations, in texels, of the smoothings between which the bands lie."""
+"""Variances, in squared texels, of the smoothings whose differences are the bands."""
 
 _FLOOR = np.float32((0.05 / 255) ** 2)
 """Energy that counts as none, for white = 1."""
 
 _OF_LOGARITHMS = np.float32(np.log(0.2807))
-"""Mean of the logarithm of a squared normal deviate. Means of logarithms tell of the grain that is
-everywhere; those of squares would tell of the few borders."""
+"""Mean of the logarithm of a squared standard normal variable. Means of logarithms measure the
+grain that is everywhere; means of squares would measure the few borders."""
 
 _WIDER, _ANYWHERE = 1e-2, 1e-5
-"""Weights of what is within some 32 texels, and anywhere, beside that within 8."""
+"""Weights of the means over about 32 texels, and over all, relative to that over 8."""
 
 
 def grain_of(texture: Texture, values: Singles, missing: npt.NDArray[np.bool_]) -> Singles:
-    """Make a field of grain as that of the texels that are known.
+    """Make a field of grain like that of the known texels.
 
-    Three bands of white noise, each as strong as that of the texture within some 8 texels; deep in
-    a hole, as those farther around. Brightness and colors have strengths of their own. Not in the
-    papers.
+    It consists of three bands of white noise, each as strong as that of the texture within about 8
+    texels; deep in a hole, as in wider surroundings. Strengths are measured separately for
+    brightness and colors. Not in the papers.
 
     Parameters
     ----------
     texture : Texture
     values : (rows, columns, c) float32
-        Of the nodes inside charts.
+        Values of the nodes inside charts.
     missing : (rows, columns) bool
-        Nodes of which nothing is known.
+        Nodes without a known value.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def grain_of(texture: Texture, values: Singles, missing: npt.NDArray[np.bool_]) 
             smooth_noise = surface.smooth(noise, wider - variance)
             energies = _energies(surface, given - smooth, known)
             band = (noise - smooth_noise) * surface.inside
-            own = max(float(np.mean(band**2, where=surface.inside)), 1e-12)  # 0 in single texels
+            own = max(float(np.mean(band**2, where=surface.inside)), 1e-12)  # 0 for single texels
             found += np.sqrt(energies / np.float32(own)) * band
         given, noise, variance = smooth, smooth_noise, wider
     out = np.zeros_like(values)
@@ -79,7 +79,7 @@ def _axes(count: int) -> Singles:
 
 
 def _energies(surface: Surface, band: Singles, known: Singles) -> Singles:
-    # How strong a band is around each node: (c, rows, columns).
+    # The energy of a band around each node: (c, rows, columns).
     logarithms = np.log(np.maximum(band**2, _FLOOR)) * known
     means = surface.means.means(np.concatenate([logarithms, known[None]]))
     anywhere = means.mean(axis=2, keepdims=True, dtype=np.float64)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Smooth functions on a texture's surface that continue what is known: membranes, thin plates."""
+"""Smooth functions on the surface that continue known values: membranes and thin plates."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ _TOLERANCE = 1e-4
 """Residual of the membrane relative to its right-hand side."""
 
 _FROM_GUESS = 5e-4
-"""The same from a guess, whose own residual is the right-hand side: values are off by 2e-4."""
+"""The same with an initial guess, whose residual is the right-hand side: the error is 2e-4."""
 
 _LINKS = 3
-"""How many couplings from missing texels points along seams are unknown, too."""
+"""Points along seams are unknowns too, up to this number of couplings away from missing texels."""
 
 _ALONE = 1e-3
-"""Screening of nodes that are no unknowns, of which only the solution 0 is wanted."""
+"""Screening of nodes that are not unknowns, whose solution is 0."""
 
 _SOFT = 16.0
-"""How far the nearest colors of parts without any are averaged, in texels."""
+"""Distance, in texels, over which the nearest colors of parts without known texels are averaged."""
 
 _SAMPLE = 1 << 18
-"""Most known texels among which the nearest is looked for."""
+"""Number of known texels, about, among which the nearest is searched."""
 
 _SOLVE = 3e-2
-"""Residual of the solves that precondition a thin plate."""
+"""Residual of the solves in the preconditioner of a thin plate."""
 
 _ENOUGH = 5e-3
 """Residual of a thin plate relative to its right-hand side."""
@@ -51,7 +51,7 @@ _LEAST_MASS = 1e-3
 
 
 class Holes:
-    """What is missing of a function on the surface.
+    """The missing values of a function on the surface.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ class Holes:
     known : (n,) bool
         Nodes with given values.
     unknown : (n,) bool
-        What is solved for: missing nodes, and points along seams near these.
+        Unknowns: missing nodes, and points along seams near these.
     adrift : (n,) bool
-        Unknowns of connected parts of the surface of which nothing is known.
+        Unknowns in connected parts of the surface without known values.
 
     Raises
     ------
     InvalidSignal
-        If nothing is known.
+        If no value is known.
     """
 
     def __init__(self, space: TextureSpace, missing: Bools) -> None:
@@ -102,7 +102,7 @@ class Holes:
         self._matrix = self._reduced(kept)
 
     def _add_points(self) -> None:
-        # Points along seams near missing nodes, link by link.
+        # Adds points along seams near missing nodes, one coupling after the other.
         nodes = self.whole.labels.size
         of, to = self._links()
         near = self.unknown.copy()
@@ -112,19 +112,19 @@ class Holes:
         self.unknown |= near
 
     def _links(self) -> tuple[Ints, Ints]:
-        # The unknowns that the seam part couples, both ways.
+        # The pairs of unknowns that are coupled along seams, in both orders.
         seam, sparse = self.whole.seam, self._couplings()
         return seam[rows_of(sparse)], seam[sparse.columns]
 
     def _couplings(self) -> Sparse:
-        # The seam part, over its own numbers.
+        # The part of the matrix along seams, in its own numbering.
         whole = self.whole
         return Sparse(whole.start, whole.columns_, whole.values, 2 * (len(whole.seam),))
 
     def _reduced(self, kept: Bools) -> SheetMatrix:
-        # The equations of the unknowns alone. Other nodes in `kept` stay for the stencil's sake,
-        # each with an equation of its own whose solution is 0; all others are left out, which
-        # saves most of the time.
+        # The equations of the unknowns. Other nodes in `kept` are needed by the stencil, and get
+        # separate equations with the solution 0; all others are left out, which saves most of the
+        # time.
         whole, unknown = self.whole, self.unknown
         nodes = whole.labels.size
         stencil = np.zeros(whole.stencil.shape, dtype=np.float32)
@@ -159,7 +159,7 @@ class Holes:
         )
 
     def start(self, values: Singles, guess: Singles | None) -> None:
-        """Give first values to all that is missing, in place: (n, c), from a guess at nodes."""
+        """Set the unknowns to initial values, in place: (n, c), from a guess at nodes if given."""
         nodes = self.whole.labels.size
         missing = self.unknown[:nodes]
         self._tolerance = _TOLERANCE if guess is None else _FROM_GUESS
@@ -182,14 +182,14 @@ class Holes:
         shares = np.abs(self.whole.values[useful])
         count = len(values) - nodes
         total = np.bincount(of, shares, count)
-        # Where there are none, of all.
+        # Points that are coupled with no texel take the mean of all.
         for c in range(values.shape[1]):
             sums = np.bincount(of, shares * values[to, c], count)
             mean = sums.sum() / max(total.sum(), 1e-30)
             values[nodes:, c] = np.where(total > 0, sums / np.maximum(total, 1e-30), mean)
 
     def _nearest(self, values: Singles) -> Singles:
-        # The nearest known values of parts of the surface that have none.
+        # For parts of the surface without known values, the nearest known values in space.
         space, atlas, mesh = self._space, self._space.atlas, self._space.atlas.mesh
         places = atlas.gather(atlas.bake(mesh.own_corners(mesh.vertices[mesh.faces])))
         flat = places.reshape(-1, 3).astype(np.float64)
@@ -202,7 +202,7 @@ class Holes:
         if len(nodes):
             _, numbers = nearest_point(point_tree(flat[known]), flat[nodes])
             found[: len(nodes)] = values[known[numbers]]
-            # Points along seams: the mean of their part, which the solve corrects.
+            # Points along seams take the mean of their part, which the solver corrects.
             parts = space.components
             rest = lost[len(nodes) :]
             count = int(parts.max(initial=0)) + 1
@@ -215,7 +215,7 @@ class Holes:
         return found
 
     def membrane(self, values: Singles, message: str) -> SheetSolver:
-        """Fill what is missing by a harmonic function, in place: (n, c)."""
+        """Fill the missing values by a harmonic function, in place: (n, c)."""
         solver = SheetSolver(self._matrix)
         rhs = np.zeros(values.shape, dtype=np.float32)
         shape = self.whole.labels.shape
@@ -234,7 +234,7 @@ class Holes:
         return solver
 
     def plate(self, values: Singles, solver: SheetSolver, message: str) -> None:
-        """Fill what is missing by a biharmonic function, from a harmonic one, in place.
+        """Fill the missing values by a biharmonic function, from a harmonic one, in place.
 
         Conjugate gradients for ``K W K``, where K is the stiffness, and W the inverse of the masses
         but 0 where the surface ends; preconditioned by ``S M S`` for approximate solves S.
@@ -294,7 +294,7 @@ def _mark_parts(start, stop, parts, known, sourced):
 
 @kernel
 def _keep_unknowns(start, stop, whole, unknown, kept, stencil, labels, screen):
-    # Couplings with what is known are part of the diagonal.
+    # Couplings with known nodes are part of the diagonal.
     columns = kept.shape[1]
     for y in range(start, stop):
         for x in range(columns):

@@ -17,30 +17,32 @@ from .blocks import compression_of
 Bools = npt.NDArray[np.bool_]
 
 _BLACK = 2.5 / 255
-"""Values up to this are black, though bytes were rounded and compressed."""
+"""Largest value of black, to allow for rounding and light compression."""
 
 _RUN_IN = 14 / 255
-"""Means of channels up to this are black where a picture was compressed until blocks were seen."""
+"""Largest mean of channels that counts as black in strongly compressed pictures, where colors from
+around bleed into black."""
 
 _NEAR, _FAR = 3, 10
-"""Texels within which a group is compared with what is dark, and with what lies around it."""
+"""Width in texels of the rim inside a group of black faces that is tested for bright texels, and
+distance up to which the surroundings are measured."""
 
 _RINGS = 4
-"""Texels around unseen faces that are filled, too, where a picture was compressed, as black has run
-into them; and how far inside a group nothing else has run in."""
+"""Distance in texels that colors bleed in compressed pictures: texels within it around unseen faces
+are filled too, and texels farther inside a group are unaffected."""
 
 _DEEP = 2.0 / 255
-"""Most mean value there: black paint is hardly ever as dark."""
+"""Largest mean value of the unaffected texels: black paint is hardly ever as dark."""
 
 _APART = 0.004
-"""Share of bright texels inside a group's outline, for each texel of a face's diameter, up to which
-what is dark ends where faces do: in black paint it is three times as much or more."""
+"""Largest share of bright texels in the rim of an unseen group, per texel of a face's diameter. In
+black paint, whose borders do not follow edges, it is at least three times as large."""
 
 _RESOLVED = 10.0
-"""Least texels of a face at which that can be told."""
+"""Least mean number of texels per face for this test."""
 
 _STRAY = 0.15
-"""Share of black texels in the faces around a group of black ones from which it is painted."""
+"""Share of black texels in the faces around a group of black faces above which it is painted."""
 
 _FEWEST = 16
 """Fewest texels of a group of faces that may be missing."""
@@ -64,12 +66,12 @@ def missing_texels(
     missing
         As in `fill_texture`.
     settings : FillSettings
-        Its `find` says what counts if nothing is given.
+        Its `find` says how missing texels are found if `missing` is None.
 
     Raises
     ------
     InvalidSignal
-        If what is given does not fit.
+        If `missing` does not fit the image.
     """
     weights: npt.NDArray | None = None
     if missing is not None:
@@ -112,17 +114,17 @@ def _of_color(pixels: npt.NDArray, color: npt.NDArray, alpha: int) -> Bools:
 
 
 def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> Bools:
-    """Find the texels of faces that no photo saw: groups of faces that are black all over.
+    """Find the texels of faces that no photo has seen: groups of wholly black faces.
 
-    What is painted black does not end where faces do: a group counts only if few of the texels
-    beside it are black.
+    The borders of black paint do not follow edges, so a group counts only if few of the texels of
+    the faces beside it are black.
 
     Parameters
     ----------
     atlas : TextureAtlas
     pixels : (h, w, c) array
     alpha : int
-        The channel of opacity, which does not matter; -1: none.
+        The channel of opacity, which is ignored; -1: none.
     """
     colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
     black = (colors <= _BLACK / SCALES[pixels.dtype.name]).all(axis=2)
@@ -132,7 +134,7 @@ def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> 
     if total == 0:
         return np.zeros(face.shape, dtype=np.bool_)
     size = np.bincount(groups[groups >= 0], weights=texels[groups >= 0], minlength=total)
-    # Texels of faces across the group's outline, and the black ones among them.
+    # The number of texels of faces across the outline of each group, and of black ones among them.
     twins = atlas.mesh.twins.reshape(-1)
     edges = np.flatnonzero((twins >= 0) & np.repeat(groups >= 0, 3))
     edges = edges[groups[twins[edges] // 3] < 0]
@@ -143,10 +145,10 @@ def unseen_texels(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> 
 
 
 def unseen_in_compressed(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = -1) -> Bools:
-    """Find the same where compression, as JPEG does, let colors from around run into the black.
+    """Find the same in pictures whose compression, as by JPEG, made colors bleed into the black.
 
-    A group counts if it is black deep inside, and if what is dark ends at its outline. Faces of few
-    texels cannot tell: there nothing is found.
+    A group counts if it is black deep inside, and if the dark area ends at its outline. Groups
+    whose faces have few texels cannot be tested, and do not count.
 
     Parameters
     ----------
@@ -154,7 +156,7 @@ def unseen_in_compressed(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = 
         As in `unseen_texels`.
     """
     colors = pixels if alpha < 0 else np.delete(pixels, alpha, axis=2)
-    # Color runs farther than brightness.
+    # The mean of channels is used, because color bleeds farther than brightness.
     means = colors.mean(axis=2, dtype=np.float32) * np.float32(SCALES[pixels.dtype.name])
     groups, texels, _ = _dark_groups(atlas, means <= _RUN_IN, 0.5)
     total = int(groups.max(initial=-1)) + 1
@@ -190,33 +192,34 @@ def unseen_in_compressed(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int = 
 def _dark_groups(
     atlas: TextureAtlas, black: Bools, share: float
 ) -> tuple[Ints, npt.NDArray, npt.NDArray]:
-    # Groups of faces of which at least a share is black; texels of faces, and black ones of these.
+    # Groups of faces with at least a share of black texels; the number of texels and of black
+    # texels of each face.
     face = atlas.masks().face
     shown = face >= 0
     count = len(atlas.mesh.faces)
     texels = np.bincount(face[shown], minlength=count)
     dark = np.bincount(face[shown & black], minlength=count)
-    # Texels on a face's border may show another face's color.
+    # Texels on the border of a face may have the color of another face.
     unseen = (texels > 0) & (dark >= share * texels - 0.1 * np.sqrt(texels))
     return _groups(atlas, unseen | ((texels == 0) & _beside(atlas, unseen))), texels, dark
 
 
 def _shown(atlas: TextureAtlas, groups: Ints, found: Bools) -> Bools:
-    # The texels of the groups that were found; also where a chart is too small to show any.
+    # The texels of the groups that were found; also those read by charts too small for own texels.
     of_face = np.append((groups >= 0) & found[np.maximum(groups, 0)], False)
     result: Bools = of_face[np.maximum(atlas.masks().face, atlas.lone)]
     return result
 
 
 def _around(marked: Bools, margin: int) -> tuple[slice, slice]:
-    # The rows and columns that hold what is marked, with a margin.
+    # The rows and columns that contain all marked texels, with a margin.
     lines = (np.flatnonzero(marked.any(axis=1 - axis)) for axis in (0, 1))
     first, second = (slice(max(int(n[0]) - margin, 0), int(n[-1]) + margin + 1) for n in lines)
     return first, second
 
 
 def _grown(labels: Ints, rings: int) -> Ints:
-    # Labels of texels without one, -1, from those around.
+    # Extends labels to texels without one, -1, around them.
     for _ in range(rings):
         wide = labels.copy()
         np.maximum(wide[1:], labels[:-1], out=wide[1:])
@@ -229,7 +232,7 @@ def _grown(labels: Ints, rings: int) -> Ints:
 
 
 def widened(marked: Bools, rings: int) -> Bools:
-    """Mark texels within some rings of neighbors of marked ones, too."""
+    """Mark also the texels within some rings around marked ones."""
     for _ in range(rings):
         wide = marked.copy()
         wide[1:] |= marked[:-1]
@@ -241,13 +244,13 @@ def widened(marked: Bools, rings: int) -> Bools:
 
 
 def _beside(atlas: TextureAtlas, faces: Bools) -> Bools:
-    # Faces that share an edge with one of these.
+    # Faces that share an edge with one of the given faces.
     twins = atlas.mesh.twins.reshape(-1, 3)
     return (faces[np.maximum(twins, 0) // 3] & (twins >= 0)).any(axis=1)
 
 
 def _groups(atlas: TextureAtlas, faces: Bools) -> Ints:
-    # Numbers of connected groups of the marked faces; -1 for others.
+    # Labels of the connected groups of the marked faces; -1 for other faces.
     twins = atlas.mesh.twins.reshape(-1)
     edges = np.flatnonzero((twins >= 0) & np.repeat(faces, 3))
     edges = edges[faces[twins[edges] // 3]]

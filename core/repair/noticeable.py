@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far changes of a texture stand out from what is around them, so that others can be left."""
+"""Weights that keep only changes of a texture which stand out from their surroundings."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ Singles = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
 
 _REACH = 3
-"""Texels to each side within which the contrast is measured."""
+"""Radius in texels within which the contrast is measured."""
 
 _SPREAD = 1.5
 """Standard deviation in texels of the Gaussian that averages changes and contrasts."""
 
 _AROUND = 3.0
-"""Standard deviation in texels of the Gaussian that averages how far changes go."""
+"""Standard deviation in texels of the Gaussian that averages the sizes of changes."""
 
 _LITTLE = 0.04
-"""Change of a border, as a share of its contrast, of which half is taken."""
+"""Change, as a share of the contrast, that has the weight 1/2."""
 
 _NOTHING = 1e-20
 
 
 def beside_detail(texture: Texture, change: Singles) -> Singles:
-    """Tell how far changes at seams stand out from the detail beside them.
+    """Weigh changes at seams by how much they stand out from the detail beside them.
 
-    A change as large as the second differences inside the chart counts half: there the texture
-    is too fine for a step to be told from it.
+    A change as large as the second differences inside the chart has the weight 1/2: there the
+    texture is so fine that a step is not visible in it.
 
     Parameters
     ----------
@@ -56,18 +56,17 @@ def beside_detail(texture: Texture, change: Singles) -> Singles:
 
 
 def among_small(inside: Bools, change: Singles, most: float) -> Singles:
-    """Tell how far changes at seams are small, and those around them.
+    """Weigh changes at seams by how small they and those around them are.
 
-    Where what meets at a seam has nothing in common, most changes are large, and some are small by
-    chance.
+    Where different materials meet at a seam, most changes are large, and some are small by chance.
 
     Parameters
     ----------
     inside : (h, w) bool
-        The texels to look at.
+        Texels inside charts.
     change : (h, w, c) float32
     most : float
-        Change of which half is taken.
+        Change that has the weight 1/2.
 
     Returns
     -------
@@ -81,16 +80,16 @@ def among_small(inside: Bools, change: Singles, most: float) -> Singles:
 
 
 def beside_seams(texture: Texture) -> Singles:
-    """Tell how far a texture beside seams is sound enough to be sharpened.
+    """Weigh the sharpening of texels beside seams, where a texture may have faults.
 
-    A fault at the rims of charts, as a dark line that a blur has left, makes a texture bend more
-    across the seam than it does inside the chart. Where its squared second differences are twice
-    as large, half of a change is taken.
+    A fault at the rims of charts, such as a dark line that a blur has left, makes second
+    differences across the seam larger than inside the chart. Where their squares are twice as
+    large, the weight is 1/2.
 
     Parameters
     ----------
     texture : Texture
-        Seams that its atlas closes are not looked across.
+        Differences do not reach across seams that its atlas closes.
 
     Returns
     -------
@@ -104,17 +103,17 @@ def beside_seams(texture: Texture) -> Singles:
 
 
 def against_contrast(inside: npt.NDArray[np.bool_], values: Singles, change: Singles) -> Singles:
-    """Tell how far changes by sharpening stand out from the contrast around them.
+    """Weigh changes by sharpening by their size relative to the contrast around them.
 
-    What is blurred changes by far more than what is soft by intention and nearly as sharp as its
-    texels allow: there a small change is rather an error.
+    Blurred parts change by far more than parts that are soft on purpose and nearly as sharp as
+    texels allow. There, a small change is more likely to be an error.
 
     Parameters
     ----------
     inside : (h, w) bool
-        The texels to look at.
+        Texels inside charts.
     values, change : (h, w, c) float32
-        What changes and by how much.
+        The values before sharpening, and their change.
 
     Returns
     -------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures for reports: textured models side by side, softly lit; pictures that are repeated."""
+"""Pictures for reports: textured models side by side in soft light, and repeated pictures."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ..base.checks import SCALES, Floats
 from ..grid.resize import resized
 
 _TURN, _TILT = 0.6, 0.35
-"""By how much models are turned to the side and down, in radians."""
+"""Angles in radians by which models are rotated to the side and down."""
 
 _FINE = 1.4
-"""Samples along a pixel, so that triangles have no holes."""
+"""Samples per pixel along each axis of a triangle, so that there are no holes."""
 
 _BACK = 0.93
 _LEAST_LIGHT = 0.45
@@ -39,7 +39,7 @@ class Painted(NamedTuple):
 
 
 def side_by_side(models: list[list[Painted]], size: int = 512) -> npt.NDArray[np.uint8]:
-    """Draw models in a row, all as large as the first one fills its square.
+    """Draw models in a row, at a scale at which the first one fills its square.
 
     Parameters
     ----------

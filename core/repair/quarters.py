@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Textures of a quarter of the size, and what was found there read at the full size."""
+"""Textures at a quarter of the resolution, and interpolation of results to the full one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Singles = npt.NDArray[np.float32]
 Bools = npt.NDArray[np.bool_]
 
 LESS = 4
-"""By how much smaller the texture is."""
+"""Factor by which the height and the width are reduced."""
 
 
 def reduced(pixels: npt.NDArray, known: Bools) -> tuple[Singles, Bools]:
@@ -32,7 +32,7 @@ def reduced(pixels: npt.NDArray, known: Bools) -> tuple[Singles, Bools]:
     means : (h / LESS, w / LESS, c) float32
         For white = 1; 0 where no texel is known.
     lacking : (h / LESS, w / LESS) bool
-        Where none is.
+        Squares without a known texel.
     """
     shape = pixels.shape[0] // LESS, pixels.shape[1] // LESS
     means = np.zeros((*shape, pixels.shape[2]), dtype=np.float32)
@@ -43,7 +43,7 @@ def reduced(pixels: npt.NDArray, known: Bools) -> tuple[Singles, Bools]:
 
 
 def enlarged(small: Singles, atlas: TextureAtlas, where: Bools) -> Singles:
-    """Read a texture that is `LESS` times as small at the nodes of some texels, linearly.
+    """Interpolate a texture reduced by `LESS` linearly at the nodes of some texels.
 
     Parameters
     ----------

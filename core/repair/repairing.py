@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All repairs of a texture in their order; the maps of a material together."""
+"""All repairs of a texture in order, also of all maps of a material together."""
 
 from __future__ import annotations
 
@@ -44,34 +44,34 @@ from .noticeable import against_contrast, among_small, beside_detail, beside_sea
 _Bools = npt.NDArray[np.bool_]
 
 _STEP = 12 / 255
-"""Where a step at a seam would move texels farther than this, different materials meet, and half
-of the change or less is taken."""
+"""Change of a texel at a seam that has the weight 1/2; where changes are larger, different
+materials probably meet."""
 
 _MOST_MISSING = 0.5
-"""Share of the texels inside charts up to which they can be missing. More are meant: black, or
-opacity that the material does not show, as beside decals."""
+"""Largest share of missing texels inside charts. If there are more, they are so on purpose: black
+paint, or opacity that the material does not show, as beside decals."""
 
 _ROUNDING = 2e-6
 """Relative changes up to this are errors of single precision and its logarithms."""
 
 _CRISP, _BLURRED = 2.25, 2.5
-"""Widths of borders in texels, from 10 to 90 %, that need no sharpening and all of it."""
+"""Ramp of the width of borders, from 10 to 90 % and in texels: up to the first value there is no
+sharpening, from the second on there is full sharpening."""
 
 _UNBLOCKED = 1.25
-"""How many times wider compression and the removal of its blocks make borders."""
+"""Factor by which compression and the removal of blocks widen borders."""
 
 _WIDE, _GRADIENT = 8.0, 14.0
-"""Widths that need all of it, and those of gradients, which are not meant to be borders."""
+"""Ramp of the same width: from full sharpening down to none, for gradients that are not borders."""
 
 
-_TAKEN = 0.75
-"""Share of the sharpening that is taken: painted textures are rarely as crisp as texels allow, and
-come nearer to what they were with a little of their softness. Crisp ones lose a fifth of the gain.
-"""
+_SHARPENING_WEIGHT = 0.75
+"""Weight of the sharpening. Painted textures are rarely as crisp as texels allow, so a little of
+their softness brings them nearer to the original. Crisp ones lose a fifth of the gain."""
 
 
 class _Surface(NamedTuple):
-    # What shows an image.
+    # A surface that shows an image.
     mesh: TriangleMesh
     uv: npt.ArrayLike
     atlas: TextureAtlas
@@ -92,27 +92,28 @@ def repair_texture(
 ) -> npt.NDArray:
     """Repair a texture as it comes from a generator or from photogrammetry.
 
-    In this order: the blocks of JPEG compression go, then noise; what is missing is filled; both
-    sides of seams are brought together; the texture is sharpened, or enlarged on request; the
-    gutter is filled. Each step leaves the texture bit for bit where there is nothing to do.
+    The steps, in this order: JPEG blocks are removed, then noise; missing texels are filled; steps
+    at seams are removed; the texture is sharpened, or enlarged on request; the gutter is filled.
+    Each step leaves the texture bit for bit where there is nothing to do.
 
     Parameters
     ----------
     mesh, uv, image, progress, atlas
         As in `sharpen_texture`.
     settings : RepairSettings, optional
-        By default, texels of opacity 0 inside charts are missing, as where photogrammetry saw
-        nothing, unless more than half of all are so: this is meant. Fill "unseen" leaves all
-        opacity as it is, as of leaves that are cut out. The gutter is in texels of the result.
+        By default, texels of opacity 0 inside charts are missing, as where photogrammetry has seen
+        nothing, unless they are more than half of all, which is taken as intended. With fill
+        "unseen", all opacity stays, such as that of cut-out leaves. The gutter is in texels of the
+        result.
     missing : (h, w) array of float in [0, 1], optional
-        1 where a texel is missing, in place of what `settings.fill` says.
+        1 where a texel is missing; replaces `settings.fill`.
     normals : (m, 3, 3) array of float, optional
         As in `filter_texture`.
 
     Returns
     -------
     array like `image`
-        Or as many times higher and wider as `settings.enlarge` says.
+        With `settings.enlarge`, this many times as high and wide.
 
     Raises
     ------
@@ -160,19 +161,19 @@ def repair_textures(
     progress: ProgressCallback | None = None,
     normals: npt.ArrayLike | None = None,
 ) -> list[npt.NDArray]:
-    """Repair all maps of a material together, as `repair_texture` does each.
+    """Repair all maps of a material together, each as by `repair_texture`.
 
     Parameters
     ----------
     mesh, uv, progress
         As in `sharpen_texture`.
     images : sequence of arrays
-        The map of colors first; the others may have other sizes. In these, only that is filled
-        which is missing in the first one, too: black roughness may be meant.
+        The map of colors first; the others may have other sizes. In these, only texels that are
+        missing in the first map too are filled, because black roughness may be intended.
     settings : RepairSettings, optional
         Its `content` is that of the first map.
     contents : sequence of str
-        As `RepairSettings.content`, of each image. Default: all hold values.
+        `RepairSettings.content` of each image. Default: all hold values.
     normals : (m, 3, 3) array of float, optional
         As in `filter_texture`.
 
@@ -232,7 +233,7 @@ def _repaired(
     missing: npt.NDArray | None,
     within: _Bools | None,
 ) -> tuple[npt.NDArray, _Bools]:
-    # The image after all steps, and what was missing of it.
+    # Returns the image after all steps, and the texels that were missing.
     check_content(image.reshape(*image.shape[:2], -1), settings)
     with phase(0.0, 0.15, "Removing blocks"):
         clean = image
@@ -262,7 +263,7 @@ def _missing(
     missing: npt.NDArray | None,
     within: _Bools | None,
 ) -> npt.NDArray[np.float64]:
-    # How far each texel is missing.
+    # How far each texel is missing, from 0 to 1: (h, w).
     if missing is not None:
         return np.asarray(missing, dtype=np.float64)
     if settings.fill == "nothing" or (within is not None and not within.any()):
@@ -276,9 +277,9 @@ def _missing(
     pixels = image.reshape(*image.shape[:2], -1)
     inside = surface.atlas.inside
     found = missing_texels(surface.atlas, pixels, alpha, None, how) * inside
-    if settings.fill == "unseen" and alpha >= 0:  # what is cut out has no color
+    if settings.fill == "unseen" and alpha >= 0:  # cut-out texels need no color
         found = found * (pixels[..., alpha] > 0)
-    if np.count_nonzero(found[inside]) > _MOST_MISSING * np.count_nonzero(inside):  # is meant
+    if np.count_nonzero(found[inside]) > _MOST_MISSING * np.count_nonzero(inside):  # intended
         return np.zeros(image.shape[:2])
     return found if limit is None else found * limit
 
@@ -323,7 +324,7 @@ def _filled(
 def _with_opacity(
     surface: _Surface, filled: npt.NDArray, image: npt.NDArray, settings: RepairSettings
 ) -> npt.NDArray:
-    # Texels that were not wholly transparent keep their opacity.
+    # Texels that were not fully transparent keep their opacity.
     alpha = _alpha_of(image, settings)
     if alpha >= 0:
         keep = surface.atlas.inside & (image[..., alpha] > 0)
@@ -333,7 +334,7 @@ def _with_opacity(
 
 def _stitched(surface: _Surface, image: npt.NDArray, settings: RepairSettings) -> npt.NDArray:
     everywhere = settings.stitch == "everywhere"
-    # At the seams alone, steps that are seen stay: as narrow ramps they would be seen, too.
+    # If only the seams are stitched, large steps stay: as narrow ramps they would be visible too.
     atlas = surface.atlas if everywhere else _with_seams(surface.atlas, image, settings).atlas
     how = StitchSettings(
         gutter=settings.gutter,
@@ -366,7 +367,7 @@ def _mixed(
     shares: npt.NDArray[np.float32],
     settings: RepairSettings,
 ) -> npt.NDArray:
-    # The image with a share (h, w) of its changes; only changed texels are looked at.
+    # The image with weighted changes, by weights (h, w); only changed texels are computed.
     old_texels, new_texels = (each.reshape(shares.size, -1) for each in (image, result))
     where = np.flatnonzero((old_texels != new_texels).any(axis=1))
     if len(where) == 0:
@@ -374,11 +375,11 @@ def _mixed(
     given = old_texels[where]
     old, new = (each[0] for each in _in_singles(given[None], new_texels[where][None]))
     mixed = old + shares.reshape(-1, 1)[where] * (new - old)
-    if settings.content != "values":  # mixtures of normals are shorter
+    if settings.content != "values":  # normals are shorter after mixing
         normals = 2 * mixed[:, :3] - 1
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         mixed[:, :3] = (normals / np.maximum(lengths, 1e-6) + 1) / 2
-    # Elsewhere texels keep their own bits, which single precision may not hold.
+    # Other texels keep their bits, for which single precision may not suffice.
     scale = SCALES[image.dtype.name]
     rounding = _ROUNDING * (np.abs(old) + scale * np.abs(image).mean(dtype=np.float64))
     changed = (np.abs(new - old) > rounding).any(axis=1)
@@ -390,10 +391,10 @@ def _mixed(
 def _finished(
     surface: _Surface, image: npt.NDArray, settings: RepairSettings, unblocked: bool
 ) -> npt.NDArray:
-    # Enlarged or sharpened, with a gutter.
+    # Enlarges or sharpens the image, and fills the gutter.
     mesh, uv, atlas, _ = surface
     words = {**_common(settings), "alpha": settings.alpha, "content": settings.content}
-    if settings.enlarge > 1:  # which sharpens by itself
+    if settings.enlarge > 1:  # enlarging includes sharpening
         larger = EnlargeSettings(factor=settings.enlarge, **words)
         return enlarge_texture(mesh, uv, image, larger, atlas=atlas)
     amount = settings.sharpen * _blur(atlas, image, settings, unblocked)
@@ -401,7 +402,9 @@ def _finished(
         with phase(0.0, 0.9, "Sharpening"):
             sharp = sharpen_texture(mesh, uv, image, TextureSettings(**words), atlas=atlas)
             old, new = _in_singles(image, sharp)
-            shares = np.float32(_TAKEN * amount) * against_contrast(atlas.inside, old, new - old)
+            shares = np.float32(_SHARPENING_WEIGHT * amount) * against_contrast(
+                atlas.inside, old, new - old
+            )
             shares *= beside_seams(_with_seams(atlas, image, settings))
             image = _mixed(image, sharp, shares, settings)
     with phase(0.9, 1.0, "Filling the gutter"):
@@ -409,7 +412,7 @@ def _finished(
 
 
 def _with_seams(atlas: TextureAtlas, image: npt.NDArray, settings: RepairSettings) -> Texture:
-    # The image on an atlas that closes its seams where `settings.seams` says.
+    # The image on an atlas whose seams are closed according to `settings.seams`.
     alpha, normals = _alpha_of(image, settings), settings.content == "normals"
     texture = Texture(atlas, image.reshape(*image.shape[:2], -1), alpha, normals)
     return gathered(texture, DilateSettings(**_common(settings)))[0]
@@ -418,7 +421,7 @@ def _with_seams(atlas: TextureAtlas, image: npt.NDArray, settings: RepairSetting
 def _blur(
     atlas: TextureAtlas, image: npt.NDArray, settings: RepairSettings, unblocked: bool = False
 ) -> float:
-    # How much of the sharpening the borders inside charts need, by their measured width.
+    # The share of sharpening that borders inside charts need, by their measured width.
     if settings.sharpen == 0:
         return 0.0
     pixels = image.reshape(*image.shape[:2], -1)
@@ -434,7 +437,7 @@ def _blur(
 
 
 def _stored(values: npt.NDArray[np.float32], like: npt.NDArray) -> npt.NDArray:
-    # In the type and shape of an image.
+    # Converts values to the type and shape of an image.
     if like.dtype.kind == "u":
         values = np.rint(np.clip(values, 0, np.iinfo(like.dtype).max))
     return values.reshape(like.shape).astype(like.dtype)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mixing of two pictures of a surface by how smoothly each goes on across seams."""
+"""Mixes two pictures of a surface by how smooth each is across seams."""
 
 from __future__ import annotations
 
@@ -12,30 +12,31 @@ from ..texture.texels import Texture
 Singles = npt.NDArray[np.float32]
 
 _POWER = 4
-"""Of the ratio of both roughnesses: where one is half of the other, it gets 94 %."""
+"""Power of the ratio of both roughnesses: where one is half of the other, it has 94 % weight."""
 
 FAINT = (0.5 / 255) ** 2
-"""Squared second differences that nobody sees."""
+"""Squared second differences that are invisible."""
 
 
 def share_of_first(texture: Texture, first: npt.NDArray, second: npt.NDArray) -> Singles:
-    """Tell how much of the first of two pictures of a surface to take at each texel.
+    """Return the weight of the first of two pictures of a surface at each texel.
 
-    A fault at the rims of charts, as a dark line, makes a texture bend there. So of two pictures
-    the one is taken whose second differences, which read across seams, are smaller: their squares
-    are averaged over 3 x 3 texels with binomial weights. Where both are alike, they are mixed.
+    A fault at the rims of charts, such as a dark line, causes large second differences. So the
+    picture whose second differences, measured also across seams, are smaller has more weight: their
+    squares are averaged over 3 x 3 texels with binomial weights. Where both are alike, they are
+    mixed.
 
     Parameters
     ----------
     texture : Texture
-        Its pixels do not matter; seams that its atlas closes are not looked across.
+        Its pixels are not used. Differences do not reach across seams that its atlas closes.
     first, second : (h, w, c) array
-        Of the same type.
+        Both pictures, of the same type.
 
     Returns
     -------
     (h, w) float32
-        1: all of the first; 0: all of the second, which is also beside the charts.
+        1 for the first picture only, 0 for the second only; 0 beside the charts.
     """
     atlas = texture.atlas
     one, other = (roughness(texture, each) for each in (first, second))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures whose opposite sides meet, by solving an equation on a cylinder for each axis."""
+"""Makes opposite sides of pictures meet, by solving an equation on a cylinder for each axis."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from ..grid.channels import opacity_channel
 from ..settings import TileSettings, given_or_default
 
 _LEAST = 4
-"""Least pixels along an axis whose sides are joined."""
+"""Least number of pixels along an axis whose sides are joined."""
 
 _USUAL, _OFTEN = 0.95, 0.9
-"""The share of an image's steps that are smaller than those that a joint may have, and the share of
-that size: steep borders beside a joint make no steeper joint."""
+"""Limit of the steps at a joint: this quantile (first) of the steps in the image, times the second
+value. So steep borders beside a joint do not make it steeper."""
 
 _BEND_RADIUS, _BEND_ENDS = 2.0, 24
-"""How far changes of the slope at a joint reach, and where they end, in pixels."""
+"""Radius of the changes of slope at a joint, and the distance at which they end, in pixels."""
 
 _LINES = 256
-"""At least so many lines across the joint, if there are, tell what is usual."""
+"""Least number of lines across the joint, if there are as many, from which that limit is computed.
+"""
 
 _EVEN = 0.85
-"""Share of the arithmetic mean in the slope at the joint; the rest is harmonic."""
+"""Weight of the arithmetic mean of slopes at the joint; the rest is the harmonic mean."""
 
 _LIGHT = 0.1
-"""Standard deviation of the smoothing that tells light from detail, as a share of the picture."""
+"""Standard deviation of the smoothing that separates light from detail, relative to the size of the
+picture."""
 
 
 @by_keyword
@@ -42,8 +44,8 @@ def make_tileable(
 ) -> npt.NDArray:
     """Make opposite sides of a picture meet in values and slopes, so that it can be repeated.
 
-    Steps between the sides are spread out; all detail stays where it is, and nothing is blended, so
-    that no ghosts appear.
+    Steps between the sides are spread out over the picture; all detail stays in place, and nothing
+    is blended, so that no ghosts appear.
 
     Parameters
     ----------
@@ -51,14 +53,15 @@ def make_tileable(
         Bytes, 16 bits, or floats.
     settings : TileSettings, optional
     mask : (h, w) array of float in [0, 1], optional
-        1 takes the result, less mixes it with the image, 0 keeps it bit for bit.
+        1 takes the result, less mixes it with the image, 0 keeps the image bit for bit.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     array like `image`
-        All channels are joined, opacity, the last of two or four channels, too: it stays in [0, 1].
+        All channels are joined, also opacity, the last of two or four channels, which stays in
+        [0, 1].
 
     Raises
     ------
@@ -69,13 +72,13 @@ def make_tileable(
 
     Notes
     -----
-    For each axis that is joined, the step at the joint, beyond a mean of the slopes on both sides,
-    is taken by halves from both; that mean is at most as steep as the image usually is. The change
-    u solves ``(1 / radius^2 - lap)^2 u = 0`` inside, with slope 0 at the joint; it is the
+    For each axis that is joined, the step at the joint is reduced to a mean of the slopes on both
+    sides, limited to usual slopes of the image, by changing both sides by half of the rest. The
+    change u solves ``(1 / radius^2 - lap)^2 u = 0`` inside, with slope 0 at the joint: this is the
     gradient-domain blending of Perez, Gangnet and Blake (2003) with a thin plate in place of the
-    membrane. Where the slope would change more at the joint than it usually does inside, the sides
-    turn, by another solution of that equation: 0 at the joint, with a radius of two pixels. Fourier
-    transforms along the joint solve both. Sides that are not joined are mirrored.
+    membrane. Where the slope would change more at the joint than usual inside, a second solution of
+    that equation, which is 0 at the joint and has a radius of two pixels, changes the slopes. Both
+    are solved by Fourier transforms along the joint. Sides that are not joined are mirrored.
 
     Examples
     --------
@@ -117,7 +120,7 @@ def make_tileable(
                     new = np.clip(np.rint(new), 0, np.iinfo(given.dtype).max)
                 elif channel == alpha:
                     new = np.clip(new, min(old.min(), 0.0), max(old.max(), 1.0))
-                elif old.min() >= 0:  # light, heights
+                elif old.min() >= 0:  # values such as light or heights stay nonnegative
                     new = np.maximum(new, 0.0)
                 out[..., channel] = new
                 if weights is not None:
@@ -161,7 +164,7 @@ class _Joint:
         return np.moveaxis(found, 1, self._axis)
 
     def _spread(self, values: Floats, factors: Floats) -> Floats:
-        # The change that has these values along the joint, wave by wave.
+        # The change with these values along the joint, computed for each frequency.
         if self._mirrored:
             values = np.concatenate([values, values[::-1]])
         waves = np.fft.rfft(values)[:, None] * factors
@@ -170,15 +173,15 @@ class _Joint:
 
 
 def _usual(values: Floats, inside: Floats) -> Floats:
-    # Limit values to what is usual inside.
+    # Limits values to usual ones inside the image.
     most = _OFTEN * np.quantile(np.abs(inside), _USUAL)
     found: Floats = np.clip(values, -most, most)
     return found
 
 
 def _slope(one: Floats, other: Floats) -> Floats:
-    # The mean, by which slopes change least, drawn towards the harmonic mean where signs agree and
-    # 0 elsewhere (van Leer 1974), by which steps are lowest.
+    # The arithmetic mean changes slopes least. It is mixed with the harmonic mean, or 0 where signs
+    # differ (van Leer 1974), which makes the smallest steps.
     both = one * other
     total = np.where(both > 0, one + other, 1.0)
     low = np.where(both > 0, 2.0 * both / total, 0.0)
@@ -186,7 +189,7 @@ def _slope(one: Floats, other: Floats) -> Floats:
 
 
 def _light(image: Floats, joined: tuple[int, ...]) -> Floats:
-    # What is brighter or darker over wide parts of the picture.
+    # The low-frequency part of the picture, minus its mean.
     values = image - image.mean()
     spread = [_LIGHT * n for n in image.shape]
     for axis in (0, 1):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Normals that flow to the creases (paper A, 4.1)."""
+"""Advects the face normals towards the creases (paper A, 4.1)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..settings import GeometrySettings
 
 
 def advected_normals(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
-    """Read each face's normal where its flow-line ends: (m, 3), unit vectors."""
+    """Return for each face the normal at the end of its flow-line: unit vectors, (m, 3)."""
     with phase(0.0, 0.5, "Computing the flow"):
         normals, signal, potential = signal_and_potential(mesh, settings)
     with phase(0.5, 1.0, "Tracing flow-lines"):
@@ -28,7 +28,7 @@ def advected_normals(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
 def signal_and_potential(
     mesh: TriangleMesh, settings: GeometrySettings
 ) -> tuple[Floats, Floats, Floats]:
-    """Normals of the faces, mollified if asked for; their averages at the vertices; P there."""
+    """Return face normals, mollified if set; their averages, and the potential, at the vertices."""
     normals = mesh.normals
     if settings.mollify_passes == 0:
         with phase(0.2, 0.8, "Computing the flow"):

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Normals that faces near creases may take, and what a network is told to weigh them by.
+"""Candidate normals of faces near creases, and the features by which a network weighs them.
 
-Not in the papers. Nine candidates a face: its own normal; means of those around, over 0, 2 and 8
-smoothing passes; two flows, one of them longer; and what is left when its own normal and both flows
-take sides, as `sides` has it. The network sees how far all pairs of them are apart, how far
-smoothing would move the surface and to which side, and the means of such measures around the face,
-at three sizes.
+Not in the papers. A face has nine candidates: its own normal; the mean normal around it, after 0, 2
+and 8 smoothing passes; the advected normal for two flow times; and its own normal and both advected
+ones after `sides` has assigned the face to one side of the crease. The features are the distances
+between all pairs of candidates, how far smoothing would move the surface and in which direction,
+and means of such measures around the face, at three scales.
 
-A smaller network, the gate, sees what is known before anything takes sides, and tells which faces
-may turn at all; the others are not asked.
+A smaller network, the gate, sees only the features that need no more than the first six candidates.
+It decides which faces may turn at all; the last three candidates are computed for these alone.
 """
 
 from __future__ import annotations
@@ -35,60 +35,66 @@ from .sides import consistent_normals, grown
 
 CANDIDATES = 9
 TAKES_SIDES = 6
-"""From this candidate on they take sides."""
+"""The candidates from this index on belong to one side of the crease; see `sides`."""
 
 LONGER = 8.0
-"""How many times longer the second flow takes."""
+"""Time of the second flow, over that of the first."""
 
-_STILL = np.cos(np.radians(5.0))
-"""Faces that neither a flow nor a mean turns by more keep their normals, two rings around too."""
+_STILL_COSINE = np.cos(np.radians(5.0))
+"""Cosine of 5 degrees. A face keeps its normal if within two rings neither a flow nor the mean
+after 2 passes turns a face by more. A gate scores only the faces that turn by more; then faces
+within one ring of those it passes may turn too."""
 
 _PASSES = 2, 8
-"""Smoothing passes of the wider means, and of the heights."""
+"""Smoothing passes of the second and third mean, and of the heights."""
 
 _CHANGES = (0, 1), (1, 2), (2, 3), (0, 4), (4, 5), (3, 4), (3, 5)
-"""Candidates whose distances are averaged around a face."""
+"""Pairs of candidates, by index, whose distances are averaged around a face."""
 
 _ALIKE = 4e-4, 1e-2
-"""Squared distances of normals across edges up to which these look alike."""
+"""Squared distances d0^2 between unit normals: neighbours at distance d count as similar by
+exp(-(d / d0)^2)."""
 
 _CELLS = 5.0, 14.0
-"""Sizes of the cells over which measures are averaged, in mean edge lengths."""
+"""Sizes of the grid cells in which measures are averaged, in mean edge lengths."""
 
-_AT_ONCE = 1 << 15
-"""Faces that the gate is told of at a time, which saves memory."""
+_GATE_BLOCK = 1 << 15
+"""Number of faces that the gate scores in one call, to save memory."""
 
 _AROUND = len(_CHANGES) + len(_ALIKE) + 3
-"""Measures that are averaged: also the turn across edges, the shape of faces and the height."""
+"""Number of averaged measures: also the turn across edges, the shape of faces, and the height."""
 
 _BESIDE_PAIRS = 2 * len(_PASSES) + _AROUND * (1 + len(_CELLS))
 
 TOLD = pair_count(CANDIDATES) + _BESIDE_PAIRS
-"""Numbers that the network is told of a face."""
+"""Number of features of a face."""
 
 TOLD_FIRST = [
     *(number for number, pair in enumerate(combinations(range(CANDIDATES), 2))
       if max(pair) < TAKES_SIDES),
     *range(pair_count(CANDIDATES), TOLD),
 ]  # fmt: skip
-"""Those of them that the gate is told."""
+"""Indices of the features that the gate sees."""
 
-DEFINITION = digest("creases 4", repr((CANDIDATES, TAKES_SIDES, LONGER, round(float(_STILL), 9),
-                                       _PASSES, _CHANGES, _ALIKE, _CELLS, _AROUND)))  # fmt: skip
-"""Changes with what the numbers mean; count the first word up when the code changes them."""
+DEFINITION = digest("creases 4", repr((
+    CANDIDATES, TAKES_SIDES, LONGER, round(float(_STILL_COSINE), 9), _PASSES, _CHANGES, _ALIKE,
+    _CELLS, _AROUND,
+)))  # fmt: skip
+"""Digest of what the features mean. When a change of the code changes them, raise the number in the
+first text."""
 
 
 class Candidates(NamedTuple):
-    """Candidates of the faces that something turns.
+    """Candidates of the faces that may turn.
 
     Attributes
     ----------
     rows : (k,) int
-        These faces.
+        Indices of these faces.
     normals : (k, 9, 3) float32
-        The first is their own.
+        The candidates; the first one is the face's own normal.
     told : (k, TOLD) float32
-        What the network is told.
+        The features.
     turn, wide_turn : (n,) float64
         RMS turn of the normals around each vertex, in radians, over 2 and 8 smoothing passes.
     """
@@ -101,7 +107,7 @@ class Candidates(NamedTuple):
 
 
 def flow_key(settings: GeometrySettings) -> tuple[Any, ...]:
-    """The settings that candidates depend on."""
+    """Return the settings that the candidates depend on."""
     return (settings.time, settings.smoothing_passes, settings.mollify_passes,
             settings.feature_threshold, settings.sampling, settings.align_passes)  # fmt: skip
 
@@ -109,9 +115,9 @@ def flow_key(settings: GeometrySettings) -> tuple[Any, ...]:
 def find_candidates(
     mesh: TriangleMesh, settings: GeometrySettings, gate: Network | None
 ) -> Candidates:
-    """Find the candidates of the faces that a gate lets pass, or of all that something turns.
+    """Find the candidates of the faces that the gate lets pass; without one, of all that may turn.
 
-    Of the settings, those of `flow_key` count.
+    The settings in `flow_key` are used.
     """
     message = "Finding creases"
     with phase(0.0, 0.2, message):
@@ -127,15 +133,15 @@ def find_candidates(
     turned = np.empty(mesh.face_count, dtype=np.bool_)
     with phase(0.6, 0.65, message):
         run(_gather, mesh.face_count, mesh.faces, mesh.normals, mesh.areas, signal, near, far,
-            *flows, _STILL, everywhere, turned)  # fmt: skip
+            *flows, _STILL_COSINE, everywhere, turned)  # fmt: skip
     with phase(0.65, 0.8, message):
         turn, wide_turn = _turn(near), _turn(far)
         surroundings = _Surroundings(mesh, everywhere, signal, near, far)
         del near, far
         if gate is not None:
             rows = np.flatnonzero(turned)
-            for begin in range(0, len(rows), _AT_ONCE):
-                some = rows[begin : begin + _AT_ONCE]
+            for begin in range(0, len(rows), _GATE_BLOCK):
+                some = rows[begin : begin + _GATE_BLOCK]
                 turned[some] = _passed(gate, everywhere[some], surroundings.told(some))
             turned = grown(mesh, turned)
         else:
@@ -170,7 +176,7 @@ def _passed(gate: Network, candidates: Singles, beside: Singles) -> npt.NDArray[
 
 
 def _smoothed(mesh: TriangleMesh) -> tuple[Floats, Floats]:
-    # Normals and places at the vertices, over both numbers of passes: (n, 6) each.
+    # Normals and positions at the vertices after both numbers of smoothing passes: (n, 6) each.
     both = np.concatenate([average_to_vertices(mesh, mesh.normals), mesh.scaled_vertices], axis=1)
     first, second = _PASSES
     with phase(0.0, 0.3, "Finding creases"):
@@ -180,14 +186,14 @@ def _smoothed(mesh: TriangleMesh) -> tuple[Floats, Floats]:
 
 
 def _turn(means: Floats) -> Floats:
-    # The means of unit normals are the shorter the more these differ.
+    # The RMS turn: the more unit normals differ, the shorter is their mean.
     out = np.empty(len(means))
     run(_shortness, len(means), means, out)
     return out
 
 
 def _is_inside_out(mesh: TriangleMesh) -> bool:
-    # Its volume is below 0 by more than what its holes leave open.
+    # The signed volume is negative by more than the holes of the mesh can account for.
     volume, open_area = 0.0, 0.0
     for x, normal in enumerate(mesh.normals.T):
         directed = mesh.areas * normal
@@ -200,7 +206,7 @@ def _is_inside_out(mesh: TriangleMesh) -> bool:
 
 
 class _Surroundings:
-    # Tells of faces what is known beside the distances of pairs; of each vertex once.
+    # The features other than pair distances; each vertex is computed once.
 
     def __init__(
         self, mesh: TriangleMesh, everywhere: Singles, signal: Floats, near: Floats, far: Floats
@@ -227,7 +233,7 @@ class _Surroundings:
         self._cells: list[MeansAround] = []
         self._place: npt.NDArray | None = None
         places, values = mesh.scaled_vertices, around
-        if not used.all():  # loose vertices are nowhere
+        if not used.all():  # vertices without faces do not count
             places, values, self._place = places[used], values[used], np.cumsum(used) - 1
         self._grids = places, values
 
@@ -259,7 +265,7 @@ def _shortness(start, stop, means, out):
 
 @kernel
 def _mean_to(faces, f, values, own, out):
-    # The mean of a face's corners, of unit length.
+    # The unit mean of a face's corners; its own normal if that is zero.
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     for x in range(3):
         out[x] = values[a, x] + values[b, x] + values[c, x]
@@ -270,7 +276,7 @@ def _mean_to(faces, f, values, own, out):
 def _gather(
     start, stop, faces, normals, areas, signal, near, far, short, long, still, everywhere, turned
 ):
-    # The candidates that do not take sides, and whether any of them is turned clearly.
+    # The first six candidates, and whether a flow or the near mean turns the face clearly.
     mean = np.empty(3)
     for f in range(start, stop):
         own, out = normals[f], everywhere[f]
@@ -288,7 +294,7 @@ def _gather(
 
 @kernel
 def _measure_heights(start, stop, places, signal, near, far, heights):
-    # How far smoothing moves the surface along its normal, in mean edge lengths.
+    # The distance by which smoothing moves each vertex along its normal, in mean edge lengths.
     for v in range(start, stop):
         n = signal[v]
         length = max(np.sqrt(dot(n, n)), 1e-12)
@@ -303,8 +309,8 @@ def _measure_heights(start, stop, places, signal, near, far, heights):
 def _measure_changes(
     start, stop, places, faces, normals, areas, twins, everywhere, pairs, alike, changes
 ):
-    # Squared distances of candidates; how many normals across edges are alike, and how far they
-    # turn there; how even the face is.
+    # Squared distances between candidates; the share of neighbours with similar normals, and the
+    # mean squared turn to them; the face's shape, 1 if it is equilateral.
     for f in range(start, stop):
         c = 0
         for p in range(len(pairs)):
@@ -345,7 +351,7 @@ def _to_logarithms(start, stop, values):
 
 @kernel
 def _tell_around(start, stop, rows, faces, heights, measures, told):
-    # Means over a face's corners.
+    # Averages the measures over the corners of each face.
     for r in range(start, stop):
         a, b, c = faces[rows[r], 0], faces[rows[r], 1], faces[rows[r], 2]
         begin = 2 * heights.shape[1]
@@ -356,4 +362,4 @@ def _tell_around(start, stop, rows, faces, heights, measures, told):
             told[r, heights.shape[1] + i] = height  # from -1, concave, to 1, convex
         for i in range(measures.shape[1]):
             total = np.float64(measures[a, i]) + measures[b, i] + measures[c, i]
-            told[r, begin + i] = total / 3.0  # in double precision: the order does not matter
+            told[r, begin + i] = total / 3.0  # double precision: the order of corners is no matter

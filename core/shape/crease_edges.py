@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which edges of a mesh are creases: lines without gaps and spurs.
+"""Selects the edges of a mesh that are creases: lines without gaps and spurs.
 
-Not in the papers. An edge is a crease where the normals of its faces differ much, as they will be
-once creases are closed. Single faces that belong to neither side would double a line, so that
-small regions between such edges join the side that they are most like. Lines that begin somewhere
-go on along weaker edges (two thresholds, as edge detection in images has), ends that lie close to
-another line are joined with it, and short lines with loose ends are left out.
+Not in the papers. An edge is a crease if the target normals of its two faces differ much. Single
+faces that belong to neither side would double a line, so small regions between such edges are
+merged with the most similar neighbour. Lines are continued along weaker edges (hysteresis, as in
+edge detection for images), ends close to another line are joined with it, and short lines with
+loose ends are removed.
 """
 
 from __future__ import annotations
@@ -24,45 +24,48 @@ Bools = npt.NDArray[np.bool_]
 Singles = npt.NDArray[np.float32]
 
 STRONG = 25.0
-"""Degrees between the normals across an edge from which it is a crease by itself."""
+"""Angle in degrees between the normals across an edge from which it is a crease by itself."""
 
 EVEN = 0.15
-"""Turns beside a crease of a designed part are at most this share of its own: up to 0.09 on parts
-of few faces, but more than 0.15 at nine tenths of the steep edges of rocks, heads and noise."""
+"""On designed parts, the mean turn across edges beside a crease is at most this share of the
+crease's own: up to 0.09 on parts of few faces, but more than 0.15 at 90 % of the steep edges of
+rocks, heads and noise."""
 
 _RINGS = 2
-"""So far around, too."""
+"""Smoothing passes over that mean."""
 
 _WEAK = 0.5
-"""Part of that from which an edge continues a crease."""
+"""Share of the crease angle from which an edge may continue a crease."""
 
-_SMALL = 2.0
-"""Area, in squared mean edge lengths, below which a region between creases may be none."""
+_SMALL_AREA = 2.0
+"""Area, in squared mean edge lengths, below which a region between creases may be merged."""
 
-_TURNED = np.cos(np.radians(2.0))
-"""Small regions are none if their faces, or those beside these, turn by more."""
+_TURNED_COSINE = np.cos(np.radians(2.0))
+"""Cosine of 2 degrees. A small region is merged if most of its area belongs to faces that turn to
+their targets by more, or that share a vertex with such faces."""
 
 _SLIVER = 0.035
-"""Others are none if their area is less than this part of the squared length around them."""
+"""Small regions are also merged if their area is below this share of their squared perimeter."""
 
-_PART = 0.25
-"""None is more than this part of the region that it joins: few large faces are regions, too."""
+_LARGEST_SHARE = 0.25
+"""No region is merged whose area is more than this share of the region it would join: on coarse
+meshes, single faces are regions."""
 
 _ROUNDS = 3
-"""So often small regions join others, which may be small, too."""
+"""Rounds of merging: a region may be merged with one that is small too."""
 
-_AHEAD = 0.35
-"""Cosine of the widest turn of a line that continues."""
+_AHEAD_COSINE = 0.35
+"""Least cosine of the angle by which a line turns where it is continued."""
 
-_SPECK = 3, 1
-"""A line of up to so many edges that ends at another one, or with two loose ends, is left out at
-the beginning."""
+_FIRST_PRUNING = 3, 1
+"""Most edges of lines that are removed at first: of lines that end at another one, and of lines
+with two loose ends."""
 
-_SHORT = 3, 5
-"""At last."""
+_LAST_PRUNING = 3, 5
+"""The same after lines have been continued and joined."""
 
-_OWN = 8
-"""An end is not joined with so many of the last vertices of its own line."""
+_OWN_VERTICES = 8
+"""An end is not joined with the last vertices of its own line, up to this number."""
 
 
 def turns_across(mesh: TriangleMesh, normals: Floats) -> Singles:
@@ -77,14 +80,14 @@ def turns_across(mesh: TriangleMesh, normals: Floats) -> Singles:
 
 
 def unevenness(mesh: TriangleMesh, turns: Singles, angle: float) -> Floats:
-    """Average around each vertex the turns across edges that are no creases: (n,), in degrees."""
+    """Average the turns across edges below the crease angle around vertices: (n,), in degrees."""
     uneven = np.empty((mesh.vertex_count, 1))
     run(_measure_unevenness, mesh.vertex_count, *mesh.corners, turns, angle, uneven)
     return smooth_vertices(mesh, uneven, _RINGS)[:, 0]
 
 
 def even_share(mesh: TriangleMesh, chosen: Bools | None = None) -> float:
-    """Measure which share of the steep edges of all faces, or of chosen ones, has even sides."""
+    """Return the share of steep edges, of all faces or of chosen ones, with smooth sides."""
     turns = turns_across(mesh, mesh.normals)
     uneven = unevenness(mesh, turns, STRONG)
     if chosen is not None:
@@ -103,26 +106,26 @@ def crease_edges(
     allowed: Bools | None = None,
     hidden: Bools | None = None,
 ) -> Bools:
-    """Choose the half-edges that form lines of creases.
+    """Select the half-edges of crease lines.
 
     Parameters
     ----------
     mesh : TriangleMesh
     normals : (m, 3) float64
-        Those that the faces are to have.
+        The target normals of the faces.
     turns : (m, 3) float32
-        From `turns_across`.
+        Angles across half-edges, from `turns_across`.
     angle : float
-        Degrees from which an edge is a crease by itself; half of that continues one.
+        Angle in degrees from which an edge is a crease by itself; half of it continues a crease.
     allowed : (n,) bool, optional
-        Lines only go through these vertices.
+        Vertices that lines may pass through; all by default.
     hidden : (m, 3) bool, optional
-        Half-edges that lines go around, such as diagonals of quads.
+        Half-edges that lines must avoid, such as diagonals of quads.
 
     Returns
     -------
     (m, 3) bool
-        Both half-edges of each edge.
+        True at both half-edges of each crease edge.
     """
     chosen = np.empty(mesh.faces.shape, dtype=np.bool_)
     run(_choose_strong, mesh.face_count, turns, angle, chosen)
@@ -137,18 +140,18 @@ def crease_edges(
     run_in_order(_count_edges, mesh.face_count, mesh.faces, chosen, degrees)
     of_mesh = mesh.scaled_vertices, mesh.faces, mesh.twins, *mesh.corners
     more = turns, angle, barred, chosen, degrees
-    _prune(_ends(mesh, degrees), *of_mesh, *_SPECK, chosen, degrees)
+    _prune(_ends(mesh, degrees), *of_mesh, *_FIRST_PRUNING, chosen, degrees)
     _continue(_ends(mesh, degrees), *of_mesh, *more)
     for _ in range(2):
         _bridge(_ends(mesh, degrees), *of_mesh, *more)
         _drop_doubles(mesh, normals, turns, chosen, degrees)
-        _prune(_ends(mesh, degrees), *of_mesh, *_SHORT, chosen, degrees)
+        _prune(_ends(mesh, degrees), *of_mesh, *_LAST_PRUNING, chosen, degrees)
         ask()
     return chosen
 
 
 def _ends(mesh: TriangleMesh, degrees: npt.NDArray[np.int32]) -> npt.NDArray[np.intp]:
-    # In an order that does not depend on that of the vertices.
+    # The loose ends of lines, in an order that does not depend on that of the vertices.
     ends = np.flatnonzero(degrees == 1)
     return ends[np.argsort(mesh.scaled_vertices[ends] @ np.array(TIE_BREAKER), kind="stable")]
 
@@ -160,7 +163,7 @@ def _drop_doubles(
     chosen: Bools,
     degrees: npt.NDArray[np.int32],
 ) -> None:
-    # Bridges enclose small regions, too: joins these, but where a line would end.
+    # Bridges may enclose small regions: merges these, unless that would make a line end.
     before, inner = chosen.copy(), degrees > 1
     _join_small_regions(mesh, normals, turns, chosen)
     face, side = np.nonzero(before & ~chosen)
@@ -176,7 +179,7 @@ def _drop_doubles(
 
 
 def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, chosen: Bools) -> None:
-    # Takes away what bounds regions that are too small to be sides of a crease.
+    # Removes the edges around regions that are too small to be sides of a crease.
     if not chosen.any():
         return
     parts = np.arange(mesh.face_count, dtype=np.int32)
@@ -186,10 +189,10 @@ def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, cho
     other = mesh.twins[face, side] // 3
     ends = mesh.faces[face, side], mesh.faces[face, (side + 1) % 3]
     steps = mesh.scaled_vertices[ends[0]] - mesh.scaled_vertices[ends[1]]
-    # Long common borders count, and those across which normals hardly turn.
+    # A region is similar to a neighbour by a long common border and a small turn across it.
     length = np.linalg.norm(steps, axis=1)
     alike = length * (1.0 + np.cos(np.radians(turns[face, side])))
-    turned = (np.einsum("ij,ij->i", mesh.normals, normals) < _TURNED).astype(np.float64)
+    turned = (np.einsum("ij,ij->i", mesh.normals, normals) < _TURNED_COSINE).astype(np.float64)
     turned = mesh.areas * greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
     first = parts.copy()
     for _ in range(_ROUNDS):
@@ -198,12 +201,12 @@ def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, cho
         around = np.bincount(here, length * (here != there), minlength=mesh.face_count)
         none = np.bincount(parts, turned, minlength=mesh.face_count) > 0.5 * area
         none |= area <= _SLIVER * around**2
-        rows = np.flatnonzero((here != there) & (area[here] < _SMALL) & none[here])
+        rows = np.flatnonzero((here != there) & (area[here] < _SMALL_AREA) & none[here])
         pairs = here[rows].astype(np.int64) * mesh.face_count + there[rows]
         unique, number = np.unique(pairs, return_inverse=True)
         likeness = np.bincount(number, alike[rows])
         small, large = np.divmod(unique, mesh.face_count)
-        likeness[area[small] > _PART * area[large]] = 0.0
+        likeness[area[small] > _LARGEST_SHARE * area[large]] = 0.0
         order = np.lexsort((area[large], likeness.round(9), small))
         last = np.append(small[order][1:] != small[order][:-1], True) & (likeness[order] > 0)
         joins = np.arange(mesh.face_count, dtype=np.int32)
@@ -252,7 +255,7 @@ def _choose_strong(start, stop, turns, least, chosen):
 
 @kernel
 def _go_around(twins, turns, hidden, chosen):
-    # Instead of the diagonal of a quad, its two sides on the sharper side of it.
+    # Replaces the diagonal of a quad by the quad's two edges on its sharper side.
     for f in range(len(twins)):
         for k in range(3):
             twin = twins[f, k]
@@ -273,7 +276,7 @@ def _go_around(twins, turns, hidden, chosen):
 
 @kernel
 def _unite(start, stop, twins, chosen, parts):
-    # Faces across edges that are no creases belong together; the lowest face names them.
+    # Joins faces across edges that are no creases; the lowest face index labels a region.
     for f in range(start, stop):
         for k in range(3):
             if twins[f, k] >= 3 * f and not chosen[f, k]:
@@ -314,7 +317,7 @@ def _choose(faces, twins, h, chosen, degrees, chooses):
 
 @kernel
 def _next(v, h, faces, twins, corner_start, corners, chosen):
-    # The half-edge of the line that leaves v, but for that along which one came, h; -1 for none.
+    # The half-edge along which the line leaves v, other than back along h; -1 for none.
     back = twins[h // 3, h % 3] if h >= 0 else -1
     for i in range(corner_start[v], corner_start[v + 1]):
         out = corners[i]
@@ -330,7 +333,7 @@ def _end_of(h, faces):
 
 @kernel
 def _last_vertices(v, faces, twins, corner_start, corners, chosen, degrees, last):
-    # The end v of a line and those before it; returns how many.
+    # Lists the end v of a line and the vertices before it; returns how many.
     last[0] = v
     count, h = 1, -1
     while count < len(last):
@@ -346,7 +349,7 @@ def _last_vertices(v, faces, twins, corner_start, corners, chosen, degrees, last
 
 @kernel
 def _way(vertices, last, count):
-    # Where a line is heading at its end.
+    # The unit direction of a line at its end.
     x, y, z = edge(vertices, last[min(count - 1, 3)], last[0])
     length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
     return x / length, y / length, z / length
@@ -354,7 +357,7 @@ def _way(vertices, last, count):
 
 @kernel
 def _turn_to(vertices, way, a, b):
-    # The cosine between a direction and that from a to b, and how far that is.
+    # The cosine between a direction and the edge from a to b, and the length of that edge.
     e = edge(vertices, a, b)
     length = max(np.sqrt(dot(e, e)), 1e-30)
     return dot(way, e) / length, length
@@ -364,7 +367,7 @@ def _turn_to(vertices, way, a, b):
 def _continue(
     ends, vertices, faces, twins, corner_start, corners, turns, angle, barred, chosen, degrees
 ):
-    # Along the strongest of the weaker edges ahead, until another line is met or there are none.
+    # Continues lines along the strongest weak edge ahead, until they meet a line or find none.
     last = np.empty(4, dtype=np.int32)
     for v in ends:
         if degrees[v] != 1:
@@ -386,7 +389,7 @@ def _continue(
                     or barred[h // 3, h % 3]
                 ):
                     continue
-                if _turn_to(vertices, way, v, w)[0] > _AHEAD:
+                if _turn_to(vertices, way, v, w)[0] > _AHEAD_COSINE:
                     best, strongest = h, turn
             if best < 0:
                 break
@@ -396,7 +399,7 @@ def _continue(
 
 @kernel
 def _price(vertices, turns, angle, way, v, h, faces):
-    # Of an edge of a bridge; infinite where it leads back.
+    # The cost of an edge of a bridge; infinite where it leads back.
     w = _end_of(h, faces)
     ahead, length = _turn_to(vertices, way, v, w)
     if ahead < 0.0:
@@ -408,8 +411,8 @@ def _price(vertices, turns, angle, way, v, h, faces):
 def _bridge(
     ends, vertices, faces, twins, corner_start, corners, turns, angle, barred, chosen, degrees
 ):
-    # To the vertex of another line, or far along the same one, over at most three edges.
-    last = np.empty(_OWN, dtype=np.int32)
+    # Joins loose ends, over at most three edges, with another line or a far part of their own.
+    last = np.empty(_OWN_VERTICES, dtype=np.int32)
     way_h = np.empty(3, dtype=np.int64)
     best_h = np.empty(3, dtype=np.int64)
     at = np.empty(4, dtype=np.int64)
@@ -459,7 +462,7 @@ def _bridge(
 
 @kernel
 def _prune(ends, vertices, faces, twins, corner_start, corners, spur, short, chosen, degrees):
-    # Takes away short lines with loose ends.
+    # Removes short lines with loose ends.
     last = np.empty(max(spur, short) + 2, dtype=np.int32)
     for v in ends:
         if degrees[v] != 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Creases one by one: as lines along the edges of a mesh, with what becomes of each."""
+"""Finds creases as lines along mesh edges, with the state of each."""
 
 from __future__ import annotations
 
@@ -41,56 +41,59 @@ FILLET = "fillet"
 THIN = "thin"
 UNSURE = "unsure"
 
-_TURNED = 8.0
-"""Degrees by which faces beside a crease turn when it closes."""
+_CLOSING_TURN = 8.0
+"""Mean turn in degrees, of the faces beside a line, from which the line closes."""
 
-_ALONG = 4
-"""They are averaged over so many edges to either side."""
+_TURN_EDGES = 4
+"""Number of edges to either side over which that turn is averaged."""
 
-_TYPICAL = 0.9
-"""Part of a line's edges that are at most as strong as the line: beside some, faces belong to
-both sides."""
+_STRENGTH_QUANTILE = 0.9
+"""Quantile of the angles of a line's edges that is its strength: beside weak edges, faces lie
+across the crease."""
 
-_BLUNT = 8.0
-"""Degrees by which normals turn around the vertices of lines that stay."""
+_BLUNT_TURN = 8.0
+"""Lines that stay pass only within one ring of vertices at which the RMS turn of the normals is
+more, in degrees."""
 
 _APART = 2
-"""Edges between these and other lines."""
+"""Lines that stay are farther from all others than this number of edges."""
 
 _FILLET = 1.25
-"""Radius, in edges, beyond which a rounding that stays is taken for designed."""
+"""Radius, in mean edge lengths, above which a rounding that stays counts as a designed fillet, if
+Widest Fillet is not set."""
 
 _WALL = 2.0
-"""Edges between two sides of the surface up to which a place is too thin."""
+"""Thickness, in mean edge lengths, up to which a wall is thin."""
 
 _AT_ONCE = 1024
-"""Vertices around which walls are looked for at once."""
+"""Number of vertices per search for walls."""
 
-_OPPOSITE = -0.7
-"""Cosine of the angle between the normals of two such sides, at most."""
+_OPPOSITE_COSINE = -0.7
+"""Greatest cosine of the angle between the normals of the two sides of a wall."""
 
 
 @dataclass(frozen=True)
 class CreaseLine:
-    """A crease between two corners, or around.
+    """A crease: a line between two corners, or a closed loop.
 
     Attributes
     ----------
     vertices : (k,) int
-        Along edges of the mesh, in order. The first one of a loop is not repeated at its end.
+        Vertices in order along mesh edges. The first one of a loop is not repeated at its end.
     is_loop : bool
     is_convex : bool
-        Whether it is a ridge rather than a groove.
+        True for a ridge, False for a groove.
     strength : float
-        Angle between its two sides once it is closed, in degrees: 90 on a box.
+        Angle in degrees between the normals of its two sides once it is closed: 90 on a box.
     width : float
-        Radius of its rounding before that, in mean edge lengths; 0 for a sharp one.
+        Radius of its rounding before it is closed, in mean edge lengths; 0 if it is sharp.
     sureness : float
-        From 0 to 1: the share of its edges that are surely of a crease; those of gaps are not.
+        From 0 to 1: the share of its length that surely is a crease. Weak edges, as in bridged
+        gaps, count as 0.
     state : str
-        What becomes of it: "closes"; "sharp" already; or it stays, since it is a "fillet", which
-        is wider than the widest one that closes; "thin", so that two sides of the surface lie
-        within 2 edge lengths; or "unsure".
+        "closes" if sharpening will close it; "sharp" if it is sharp already. Otherwise it stays
+        because it is a "fillet", wider than the widest that closes; "thin", so that two sides of
+        the surface are within 2 mean edge lengths; or "unsure".
 
     Examples
     --------
@@ -116,7 +119,8 @@ class CreaseLine:
 
 
 class _Lines(NamedTuple):
-    # The half-edges of all lines, where each line begins among them, and which of them are loops.
+    # The half-edges of all lines in order, the index at which each line begins, and whether it is
+    # a loop.
     edges: npt.NDArray[np.int32]
     starts: npt.NDArray[np.int32]
     loops: Bools
@@ -136,24 +140,23 @@ def find_creases(
     Parameters
     ----------
     mesh : TriangleMesh
-        What is to be sharpened, or what came out of that.
+        A mesh before or after sharpening.
     settings : GeometrySettings, optional
-        Those with which `sharpen_geometry` would close creases. The widest fillet and those of the
-        flow count.
+        The settings for `sharpen_geometry`. Only the widest fillet and those of the flow matter.
     angle : float
-        Least strength, in degrees, from 5 to 170. Lines may go on where they are half as strong.
+        Least strength, in degrees, from 5 to 170. Lines continue along edges half as strong.
     edges : (k, 2) array of int, optional
-        Vertices of the edges that lines may go along, such as those of the quads that triangles
-        were cut from: lines go around diagonals then. Pairs that no edge joins do not count. All
-        edges if left out.
+        Edges that lines may follow, as pairs of vertices; by default all. With the edges of the
+        quads that triangles were cut from, lines avoid the diagonals. Pairs that are no edge are
+        ignored.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     list of CreaseLine
-        They meet at corners, where one may end as another goes on. First those that close or are
-        sharp already, then those that stay.
+        First the lines that close or are sharp already, then those that stay. Lines meet at
+        corners; there one may end on another that continues.
 
     Raises
     ------
@@ -166,13 +169,13 @@ def find_creases(
 
     Notes
     -----
-    Before sharpening, lines go through the vertices that will lie on the creases; they wind there
-    by up to an edge length, and are straight once `sharpen_geometry` has moved these vertices.
-    Not in the papers; see `shape.crease_edges`.
+    Before sharpening, lines follow the vertices that will lie on the creases. They zigzag by up to
+    an edge length, and become straight once `sharpen_geometry` has moved these vertices. Not in the
+    papers; see `shape.crease_edges`.
 
     Examples
     --------
-    A folded sheet has one:
+    A folded sheet has one crease:
 
     >>> import numpy as np
     >>> from shock_filter import core
@@ -199,7 +202,7 @@ def closing_creases(
     angle: float,
     edges: npt.NDArray[np.int64] | None = None,
 ) -> list[CreaseLine]:
-    """Find those of `find_creases` that close or are sharp already, in less time.
+    """Find only the creases that close or are sharp already, faster than `find_creases`.
 
     Parameters
     ----------
@@ -210,10 +213,10 @@ def closing_creases(
 
 
 def standing_out(mesh: TriangleMesh, lines: list[CreaseLine], angle: float) -> list[CreaseLine]:
-    """Keep the lines that close, and sharp ones beside which the surface is even.
+    """Keep the lines that close, and the sharp ones with a smooth surface on both sides.
 
-    Steep edges of rocks, folds and noise are sharp lines, too, but no one's design. The more of a
-    mesh is even beside its steep edges, the more uneven sides others may have.
+    Steep edges of rocks, folds and noise are sharp lines too, but not designed ones. The larger the
+    share of steep edges with smooth sides in the mesh, the rougher the sides of the others may be.
 
     Parameters
     ----------
@@ -221,7 +224,7 @@ def standing_out(mesh: TriangleMesh, lines: list[CreaseLine], angle: float) -> l
     lines : list of CreaseLine
         From `closing_creases`.
     angle : float
-        With which they were found: edges across which normals turn by less lie beside lines.
+        The angle they were found with. Edges of smaller angles measure how smooth the sides are.
     """
     if not lines:
         return []
@@ -253,7 +256,7 @@ def _in_good_order(
 
 
 def edges_of(lines: Iterable[CreaseLine]) -> npt.NDArray[np.intp]:
-    """Gather the edges of lines, as pairs of vertices: (k, 2)."""
+    """Return the edges of all lines, as pairs of vertices: (k, 2)."""
     return np.concatenate([np.zeros((0, 2), dtype=np.intp), *(line.edges for line in lines)])
 
 
@@ -277,7 +280,7 @@ def _found(
         cosines = np.einsum("ij,ij->i", mesh.normals, targets.normals)
         turned = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
         lines, closes = _parted(mesh, lines, turned)
-        sided = np.where(turned > _TURNED, targets.sided, 1.0)
+        sided = np.where(turned > _CLOSING_TURN, targets.sided, 1.0)
         states = np.where(closes, CLOSES, SHARP)
         given = _described(mesh, lines, turns, sided, found, angle, states)
     if not with_left:
@@ -285,7 +288,7 @@ def _found(
     with phase(0.9, 1.0, "Tracing creases"):
         near = np.zeros(mesh.vertex_count)
         near[mesh.faces[chosen]] = 1.0
-        blunt = dilation(mesh, (found.turn > np.radians(_BLUNT)).astype(np.float64), 1)
+        blunt = dilation(mesh, (found.turn > np.radians(_BLUNT_TURN)).astype(np.float64), 1)
         allowed = (dilation(mesh, near, _APART) == 0) & (blunt > 0)
         if not allowed.any():
             return given
@@ -316,7 +319,7 @@ def _traced(mesh: TriangleMesh, chosen: Bools) -> _Lines:
 
 
 def _parted(mesh: TriangleMesh, lines: _Lines, turned: Floats) -> tuple[_Lines, Bools]:
-    # Lines that close in part, as several, and which of them close.
+    # Splits lines where they change between closing and not; returns also which of them close.
     edges, starts, loops = lines
     if len(edges) == 0:
         return lines, np.zeros(0, dtype=bool)
@@ -327,8 +330,8 @@ def _parted(mesh: TriangleMesh, lines: _Lines, turned: Floats) -> tuple[_Lines, 
     sizes = np.diff(np.append(starts, len(edges)))
     first, last = np.repeat(starts, sizes), np.repeat(starts + sizes, sizes)
     places = np.arange(len(edges))
-    low, high = np.maximum(places - _ALONG, first), np.minimum(places + _ALONG + 1, last)
-    sums = np.append(0.0, np.cumsum(turns - _TURNED * areas.sum(axis=1)))
+    low, high = np.maximum(places - _TURN_EDGES, first), np.minimum(places + _TURN_EDGES + 1, last)
+    sums = np.append(0.0, np.cumsum(turns - _CLOSING_TURN * areas.sum(axis=1)))
     closes = sums[high] - sums[low] > 0
     changes = np.flatnonzero((closes[1:] != closes[:-1]) & (first[1:] == first[:-1])) + 1
     whole = np.ones(len(starts), dtype=bool)
@@ -365,7 +368,7 @@ def _described(
     strong = np.abs(turn) >= angle
     ends = np.append(starts[1:], len(edges))
     by_turn = np.sort(np.abs(turn) + 256.0 * np.repeat(np.arange(len(starts)), ends - starts))
-    typical = starts + (_TYPICAL * (ends - starts - 1)).round().astype(np.int32)
+    typical = starts + (_STRENGTH_QUANTILE * (ends - starts - 1)).round().astype(np.int32)
     strength = by_turn[typical] - 256.0 * np.arange(len(starts))
     surely = np.maximum(sided[face], sided[mesh.twins[face, side] // 3])
     sureness = mean(np.where(strong, surely, 0.0))
@@ -385,7 +388,7 @@ def _described(
 def _with_reasons(
     mesh: TriangleMesh, lines: list[CreaseLine], normals: Floats, settings: GeometrySettings
 ) -> list[CreaseLine]:
-    # Why they stay.
+    # Sets the reason why each line stays as its state.
     if not lines:
         return []
     widest = settings.widest_fillet or _FILLET
@@ -400,13 +403,13 @@ def _with_reasons(
 
 
 def _thin_vertices(mesh: TriangleMesh, vertices: npt.NDArray[np.intp], normals: Floats) -> Bools:
-    # Whether a side of the surface lies close by that faces the other way than one at the vertex.
+    # Whether, close to each vertex, another part of the surface faces the opposite way.
     centers = mesh.scaled_vertices[mesh.faces].mean(axis=1)
     tree = point_tree(centers)
     thin = np.zeros(len(vertices), dtype=bool)
     start, corners = mesh.corners
     for i, v in enumerate(vertices):
-        if i % _AT_ONCE == 0:  # of all at once, no other thread could go on meanwhile
+        if i % _AT_ONCE == 0:  # one search for all would block other threads for too long
             ask()
             points = mesh.scaled_vertices[vertices[i : i + _AT_ONCE]]
             first, near = points_within(tree, points, _WALL + 1.0)
@@ -414,13 +417,13 @@ def _thin_vertices(mesh: TriangleMesh, vertices: npt.NDArray[np.intp], normals: 
         around = normals[corners[start[v] : start[v + 1]] // 3]
         away = centers[others] - mesh.scaled_vertices[v]
         across = np.abs(away @ around.T) < _WALL
-        thin[i] = ((normals[others] @ around.T < _OPPOSITE) & across).any()
+        thin[i] = ((normals[others] @ around.T < _OPPOSITE_COSINE) & across).any()
     return thin
 
 
 @kernel
 def _trace(vertices, faces, twins, corner_start, corners, left, degrees, edges, starts, loops):
-    # Lines from node to node, then loops; returns how many.
+    # Traces lines from node to node, then loops; returns how many there are.
     count = lines = 0
     for v in vertices:
         for i in range(corner_start[v], corner_start[v + 1]):

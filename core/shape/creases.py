@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which normals the faces along creases should have: nine candidates, weighed face by face.
+"""Target normals of the faces along creases: nine candidates, weighed face by face.
 
 Not in the papers. Voxel remeshing, marching cubes and smoothing turn a crease into a strip of
-slanted faces; a fillet, a fold of cloth and noise look alike. A small network, which has learned
-from made solids (`tools/training`), weighs the candidates of `candidates`. What it hardly turns
-stays as it is.
+slanted faces, and a fillet, a fold of cloth or noise looks much the same. A small network, trained
+on synthetic solids (`tools/training`), weighs the candidates of `candidates`. Faces that hardly
+turn stay as they are.
 """
 
 from __future__ import annotations
@@ -39,49 +39,52 @@ from .crease_edges import even_share
 
 WEIGHTS = Path(__file__).with_name("creases.npz")
 
-_TURNS = 2.5, 6.0
-"""Degrees a face is to turn from which its surroundings take part, and fully."""
+_TURN_RAMP = 2.5, 6.0
+"""Ramp in degrees of the turn to the target normal: below the first value a face and those around
+it stay, above the second they turn fully."""
 
-_TURNED = np.cos(np.radians(_TURNS[1]))
+_TURNED_COSINE = np.cos(np.radians(_TURN_RAMP[1]))
 
 _RINGS = 3
-"""How far around, in edges."""
+"""Number of rings around turning faces in which faces turn too."""
 
 WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (1.08, 1.10, 1.15, 1.22, 1.30, 1.46, 1.54)
-"""Radii of fillets between two planes, in edges, and how the turn of normals over 8 smoothing
-passes compares with that over 2 there, after a remesh: measured."""
+"""Radii of fillets between two planes, in mean edge lengths, and the width measure of each: the
+turn of the normals over 8 smoothing passes over that over 2. Measured after a voxel remesh."""
 
 _MARGIN = 0.03
-"""Within this of the asked for width, by the same measure, roundings close in part."""
+"""Half width of a ramp around Widest Fillet, in the same measure, in which roundings close in
+part."""
 
 _NEARLY_ALL = 0.95
-"""Share of the crests whose roundings the widest fillet that is told closes."""
+"""Share of the crest vertices whose roundings the reported widest fillet would close."""
 
-_CLEAR = 6.0, 10.0
-"""Degrees by which normals turn at what counts as a rounding, and fully; for Widest Fillet."""
+_ROUNDING_RAMP = 6.0, 10.0
+"""Ramp in degrees, for Widest Fillet: where normals turn by less than the first value there is no
+rounding, by more than the second there surely is."""
 
-_AROUND = 12
-"""Smoothing passes that average the widths of roundings: over about four edges."""
+_WIDTH_PASSES = 12
+"""Smoothing passes that average the width measure, over about four edges."""
 
 
 class Creases(NamedTuple):
-    """What the faces of a mesh are to become.
+    """Target normals of the faces of a mesh, and what was found about its creases.
 
     Attributes
     ----------
     normals : (m, 3) float64
-        What each face is to have; its own, bit for bit, where its share is 0.
+        The target of each face; its own normal, bit for bit, where its share is 0.
     shares : (m,) float64
-        How far it takes part: from 0 to 1.
+        Weight from 0 to 1 between the own normal and that of the mixture.
     sided : (m,) float32
-        How much of its normal comes from candidates that take sides: near 1 along a crease that is
-        surely one, near 0 where something is smoothed, or where nothing turns.
+        Mixture weight of the candidates that belong to one side of a crease: near 1 along a sure
+        crease, near 0 where normals are only smoothed, or do not turn.
     radius : float
-        Of the rounding of most creases that are closed, in mean edge lengths.
+        Median radius of the roundings that are closed, in mean edge lengths.
     widest : float
-        The widest fillet that closes nearly all of them.
+        Widest Fillet that would close nearly all of them, in mean edge lengths.
     too_wide : bool
-        Whether some are left as they are, as their rounding is wider than asked for.
+        Whether some creases stay because their rounding is wider than Widest Fillet.
     """
 
     normals: Floats
@@ -92,14 +95,14 @@ class Creases(NamedTuple):
     too_wide: bool
 
     def among(self, chosen: npt.NDArray[np.bool_]) -> Creases:
-        """Return those of some faces only."""
+        """Return the same for some of the faces."""
         return self._replace(
             normals=self.normals[chosen], shares=self.shares[chosen], sided=self.sided[chosen]
         )
 
 
 def find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
-    """Find the normals that faces should have; of the settings, flow and widest fillet count."""
+    """Find the target normals; used are the settings in `flow_key`, and the widest fillet."""
     key = (*flow_key(settings), settings.widest_fillet)
     return kept(mesh, "creases", key, lambda: _find_targets(mesh, settings))
 
@@ -107,7 +110,7 @@ def find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
 def tell_creases(
     mesh: TriangleMesh, creases: Creases, chosen: npt.NDArray[np.bool_] | None
 ) -> None:
-    """Say, for reports, what was found among the chosen faces; see `base.findings`."""
+    """Report what was found among the chosen faces; see `base.findings`."""
     among = creases if chosen is None else creases.among(chosen)
     if not (among.shares > 0).any():
         if creases.too_wide:
@@ -116,8 +119,8 @@ def tell_creases(
             tell("The creases are sharp already.")
         else:
             tell(
-                "No creases to close were found: what is round, flat or coarse stays. For more, set"
-                " Where to Everywhere."
+                "No creases to close were found: round, flat and coarse parts stay. For more,"
+                " set Where to Everywhere."
             )
     else:
         widest = max(ceil(10.0 * creases.widest), 1) / 10.0  # as reports write it
@@ -132,7 +135,7 @@ def tell_creases(
 
 @cache
 def networks() -> dict[str, Network]:
-    """The network that weighs the candidates, "mixture", and the one before it, "gate"."""
+    """Load the networks: "mixture" weighs candidates, "gate" chooses the faces that may turn."""
     return load(WEIGHTS, DEFINITION)
 
 
@@ -159,7 +162,7 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
         if settings.widest_fillet > 0:
             wide, clear = _fillets(mesh, found, crest, settings.widest_fillet)
             closed, _ = mixture(found.normals, scores, TAKES_SIDES)
-            turns = cosines(found.normals[:, 0].astype(np.float64), closed) < _TURNED
+            turns = cosines(found.normals[:, 0].astype(np.float64), closed) < _TURNED_COSINE
             too_wide = bool((turns & (wide * clear > 0.5)).any())
             narrow = (1.0 - wide) * clear
             _mix_to(normals, closed, narrow)
@@ -170,16 +173,15 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     everywhere = np.zeros(mesh.face_count, dtype=np.float32)
     everywhere[found.rows] = sided
     radii = _radii(mesh, found, crest, shares)
-    if settings.widest_fillet > 0:  # what is measured of few vertices may come out wider
+    if settings.widest_fillet > 0:  # measured at single vertices, radii may come out larger
         radii = min(radii[0], settings.widest_fillet), min(radii[1], settings.widest_fillet)
     return Creases(normals, shares, everywhere, *radii, too_wide)
 
 
 def weighed(mesh: TriangleMesh, settings: GeometrySettings) -> tuple[Candidates, Singles]:
-    """Find the candidates and their scores; what was told is left out, as it is large.
+    """Find the candidates and their scores, without the features, which are large.
 
-    Where Widest Fillet is given, roundings close that the gate would not let pass: of all faces
-    that something turns, then.
+    If Widest Fillet is given, no gate is used, because roundings must close that it would reject.
     """
     gate = networks()["gate"] if settings.widest_fillet == 0 else None
     key = (*flow_key(settings), gate is None)
@@ -199,9 +201,9 @@ def _weighed(
 def _taken(
     mesh: TriangleMesh, rows: npt.NDArray[np.intp], normals: Floats
 ) -> tuple[Floats, Floats]:
-    # Around what is to turn; elsewhere a face's own, bit for bit.
+    # Takes the mixed normals around faces that turn; others keep their own, bit for bit.
     turned = np.zeros(mesh.face_count)
-    run(_measure_turns, len(rows), rows, mesh.normals, normals, _TURNS, turned)
+    run(_measure_turns, len(rows), rows, mesh.normals, normals, _TURN_RAMP, turned)
     seed = greatest_to_vertices(mesh, turned)
     near = smooth_vertices(mesh, dilation(mesh, seed, _RINGS).reshape(-1, 1), 2)
     shares = average_to_faces(mesh, near).reshape(-1)
@@ -211,7 +213,7 @@ def _taken(
 
 
 def _crests(mesh: TriangleMesh, found: Candidates) -> Floats:
-    # The squared turn where it is the highest around, 0 elsewhere: (n,).
+    # The squared turn at vertices where it is largest within two rings, 0 elsewhere: (n,).
     crest = dilation(mesh, found.turn, 2)
     run(_keep_highest, mesh.vertex_count, found.turn, crest)
     return crest
@@ -220,13 +222,13 @@ def _crests(mesh: TriangleMesh, found: Candidates) -> Floats:
 def _fillets(
     mesh: TriangleMesh, found: Candidates, crest: Floats, widest: float
 ) -> tuple[Floats, Floats]:
-    # How surely a face lies at what is rounded more widely than asked for, and at a rounding.
+    # How surely a face lies at a rounding wider than `widest`, and at a rounding at all.
     sums = np.stack([crest, crest * widths(found)], axis=1)
-    sums = smooth_vertices(mesh, sums, _AROUND)
+    sums = smooth_vertices(mesh, sums, _WIDTH_PASSES)
     width = np.divide(sums[:, 1], sums[:, 0], out=np.zeros(len(sums)), where=sums[:, 0] > 0)
     most = float(np.interp(widest, *WIDTHS))
     wide = greatest_to_faces(mesh, ramp(width, (most - _MARGIN, most + _MARGIN)))
-    clear = dilation(mesh, ramp(np.degrees(np.sqrt(crest)), _CLEAR), _RINGS)
+    clear = dilation(mesh, ramp(np.degrees(np.sqrt(crest)), _ROUNDING_RAMP), _RINGS)
     wide, clear = wide[found.rows], greatest_to_faces(mesh, clear)[found.rows]
     return wide, clear
 
@@ -234,7 +236,7 @@ def _fillets(
 def _radii(
     mesh: TriangleMesh, found: Candidates, crest: Floats, shares: Floats
 ) -> tuple[float, float]:
-    # The radius of most roundings that close, and the widest fillet that closes nearly all.
+    # The median radius of the roundings that close, and the widest fillet that closes nearly all.
     at = (crest > 0) & (greatest_to_vertices(mesh, shares) > 0.5)
     if not at.any():
         return 0.0, 0.0
@@ -244,7 +246,7 @@ def _radii(
 
 
 def widths(found: Candidates) -> Floats:
-    # 1 at a crease; the wider a rounding, the more.
+    # The width measure of `WIDTHS`: about 1 at a sharp crease, more at wider roundings.
     return found.wide_turn / np.maximum(found.turn, 1e-12)
 
 
@@ -280,7 +282,7 @@ def _measure_turns(start, stop, rows, old, new, ends, turned):
 
 @kernel
 def _take(start, stop, rows, shares, new, normals, taken):
-    # Takes part of the way to new normals, in place; a share near 0 keeps every bit.
+    # Blends towards new normals, in place; a share near 0 keeps every bit.
     for r in range(start, stop):
         f = rows[r]
         share = shares[f]

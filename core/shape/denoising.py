@@ -98,15 +98,16 @@ def beltrami_joint_corners(
 ) -> tuple[Floats, npt.NDArray]:
     """Denoise a mesh and the signal at its corners together (paper C, equation 22).
 
-    Where corners at a vertex differ, nothing is averaged across, as in `beltrami_corner_signal`.
-    The vertex moves by the mean of its sides, so that the mesh does not crack open.
+    Where the corners at a vertex differ, nothing is averaged across the seam, as in
+    `beltrami_corner_signal`. The vertex moves by the mean of both sides, so that the mesh does not
+    crack open.
 
     Parameters
     ----------
     mesh, settings, progress
         As in `beltrami_joint`.
     signal : (m, 3) or (m, 3, d) array of float32 or float64
-        Corners in the order of the faces that the mesh was made from.
+        One value for each corner, in the order of the faces that the mesh was made from.
     mask : (n,) array of float in [0, 1], optional
         Weights of the vertices.
 
@@ -150,7 +151,7 @@ def denoise_geometry(
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Floats:
-    """Denoise a mesh; creases stay.
+    """Denoise a mesh, and keep its creases.
 
     Parameters
     ----------
@@ -178,25 +179,25 @@ def denoise_geometry(
 
     Notes
     -----
-    With `method` "automatic", which is not in the papers, the normals of the faces are smoothed in
-    many ways: plain means, means of similar normals, means guided by even patches (Zhang et al.
-    2015), and the normals after umbrella passes over the vertices. A small network, which has
-    learned from made solids with known normals, mixes them face by face, in three stages; the
-    positions are fitted to the mixture (see `fit_to_normals`). It is told how far the smoothings
-    are apart and how high the surface is that they take off, around the face, so that it tells
-    noise from relief. Faces around which nothing turns stay bit for bit, as do those that can have
-    no noise: most faces around lie in planes with others and have edges of many lengths, as in what
-    design programs export, or their component has up to 32 faces. Where a move would leave
-    faces farther from the mixture than they were given, as it may with long thin faces, the
-    vertices go back, more the farther.
+    With `method` "automatic", which is not in the papers, the face normals are smoothed in many
+    ways: by plain means, by means of similar normals, by means guided by uniform patches (Zhang et
+    al. 2015), and by umbrella smoothing of the vertices. In each of three stages a small network,
+    trained on synthetic solids with known normals, mixes these candidates face by face, and the
+    positions are fitted to the mixture (see `fit_to_normals`). To tell noise from relief, the
+    network sees how far the candidates are apart around the face, and how high the bumps are that
+    they remove. Faces stay bit for bit where no face around them turns, and where noise is
+    impossible: where most faces share a plane with a neighbour and edges have many lengths, as in
+    exports of design programs, or in components of up to 32 faces. Where the fit would leave
+    normals farther from the mixture than the input's, as it may with long thin faces, the
+    displacement is undone, in part or fully.
 
     With "beltrami", the kernel of paper C is applied. Filtering the positions, as the paper does,
     rounds creases together with the noise. So the kernel is applied to the face normals, a signal
-    that is discontinuous at creases, and the positions are fitted to the result. Distances run from
-    face to face, between their centres at (X, beta N). N is mollified for these distances, because
-    the noise of single faces would hide the creases; the averaged normals are not. `beta` is
-    divided by the noise of the normals, so that one setting serves for light and strong noise, and
-    a clean mesh hardly changes.
+    that is discontinuous at creases, and the positions are fitted to the result. Distances are
+    measured from face to face, between the points (X, beta N) of a centre X and a normal N. For
+    these distances N is mollified, because the noise of single faces would hide the creases; the
+    averaged normals are not. `beta` is divided by the noise of the normals, so that one setting
+    serves for light and strong noise, and a clean mesh hardly changes.
 
     Examples
     --------
@@ -232,10 +233,10 @@ def beltrami_mesh(
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Floats:
-    """Denoise a mesh by the Beltrami kernel, whatever the settings say of the method.
+    """Denoise a mesh by the Beltrami kernel, whatever `method` in the settings says.
 
-    Paper C, equations 20 to 22, for `filtered` "positions"; for "normals" the same of the faces'
-    normals, see `denoise_geometry`.
+    With `filtered` "positions" as in paper C, equations 20 to 22; with "normals" the same kernel is
+    applied to the face normals, see `denoise_geometry`.
 
     Parameters
     ----------
@@ -294,6 +295,6 @@ def _displacement(
 
 
 def _moves_to(points: Floats, mesh: TriangleMesh, weights: Floats | None) -> Floats:
-    # From mean edge lengths to the mesh's unit, as far as the weights allow.
+    # The displacement to points in mean edge lengths, in the unit of the mesh, times the weights.
     moved = (points - mesh.scaled_vertices) * mesh.mean_edge_length
     return moved if weights is None else weights[:, None] * moved

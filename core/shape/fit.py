@@ -44,13 +44,13 @@ TOLERANCE = 3e-3
 """Residual of the linear solve, relative to its right-hand side (see `SolveReport`)."""
 
 LEAST_MOVE = 1e-6
-"""Moves below this many mean edge lengths are left out: the solver's rounding is of that size."""
+"""Moves smaller than this, in mean edge lengths, become 0: they are rounding of the solver."""
 
 ROUNDING = 4e-16
-"""Sums below this part of their terms count as 0."""
+"""Sums smaller than this share of the sum of absolute terms count as 0."""
 
 LEAST_WEIGHT = 1e-6
-"""Mask weights up to this one count as 0."""
+"""Mask weights up to this value count as 0."""
 
 ADVICE = (
     "Repair needle-like faces and vertices with thousands of faces, or try a smaller radius of the"
@@ -59,13 +59,14 @@ ADVICE = (
 """What helps where the linear system cannot be solved."""
 
 _TURN = np.radians(5.0)
-"""Turn of the faces around a vertex at which half of its freedom counts."""
+"""Mean turn of the faces around a vertex at which its screening is reduced by half of `freedom`."""
 
 _RADII = 3.0
-"""How far a refit reaches around the faces that turn, in screening radii."""
+"""Reach of a local refit around the faces that turn, in screening radii."""
 
-_MOST_RINGS, _WORTH_IT = 60, 0.8
-"""If it reaches farther, or to a larger share of the vertices, all of them are solved for."""
+_MOST_RINGS, _LARGEST_PART = 60, 0.8
+"""If that is more than this number of rings, or if the local part has more than this share of all
+vertices, the whole mesh is solved for."""
 
 MULTIGRID_RADIUS = 80.0
 """Screening radius, in mean edge lengths, beyond which multigrid is used from the start."""
@@ -145,7 +146,7 @@ def fit_to_normals(
 
 
 def moved_vertices(mesh: TriangleMesh, moved: Floats) -> Floats:
-    """Add a displacement; coordinates that do not move keep every bit, the sign of 0 too."""
+    """Add a displacement; coordinates that do not move keep every bit, even the sign of 0."""
     positions = np.empty_like(moved)
     run(_move, mesh.vertex_count, mesh.vertices, moved, positions)
     return positions
@@ -159,9 +160,10 @@ def displacement(
     steps: int = 1,
     freedom: float = 0.0,
 ) -> tuple[Floats, SolveReport]:
-    """Solve for the displacement (n, 3), in the unit of `mesh.vertices`, and say how it went.
+    """Solve for the displacement (n, 3), in the unit of `mesh.vertices`; report on the solve.
 
-    With further `steps` vertices slide onto creases; with `freedom` they are held less there.
+    With more than one of the `steps`, vertices slide onto creases (see `slide`). `freedom` reduces
+    the screening where faces turn: 0 keeps it, 1 removes it at large turns.
     """
     eps = settings.screening_radius**-2
     near = near_turns(mesh, normals) if steps > 1 else None
@@ -211,16 +213,16 @@ def local_displacement(
     steps: int,
     freedom: float,
 ) -> Floats:
-    """As `displacement`, around the faces that are to turn; what is far from them stays in place.
+    """Return `displacement`, solved around the faces that are to turn; distant vertices stay.
 
-    What is left of a move falls by e in each screening radius; after `_RADII` of them it is 0.
+    A displacement decays by a factor of e per screening radius; beyond `_RADII` of them it is 0.
     """
     rings = math.ceil(_RADII * settings.screening_radius)
     if rings > _MOST_RINGS:
         return displacement(mesh, normals, settings, mask, steps, freedom)[0]
     turned = (normals != mesh.normals).any(axis=1)
     near = dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), rings)
-    if near.mean() > _WORTH_IT:
+    if near.mean() > _LARGEST_PART:
         return displacement(mesh, normals, settings, mask, steps, freedom)[0]
     moved = np.zeros((mesh.vertex_count, 3))
     if near.any():
@@ -238,9 +240,9 @@ def _solve_far(
     moved: Floats,
     multigrid: bool,
 ) -> None:
-    # Goes on from a loose solve at some vertices, to which no further step comes; after the steps,
-    # since the first step's minimum beside them would bend flat sides. What only follows the
-    # places beside it is solved loosely still.
+    # Finishes the loose solve of the first step at the vertices that take no further steps. This
+    # comes last: with the first step's minimum beside them, flat sides would bend. Where the
+    # residual only stems from the moves of other vertices, a loose solve is enough.
     if len(rows) == 0:
         return
     missing = system.residual(moved, rhs)[rows]
@@ -274,20 +276,21 @@ def refitted(
     ----------
     mesh : TriangleMesh
     new_normals : callable
-        Gives the filtered normals of a mesh that has moved: (m, 3).
+        Returns the filtered normals of the mesh as moved so far: (m, 3).
     settings : GeometrySettings or BeltramiGeometrySettings
     weights : (n,) float64 or None
         1 filters fully, 0 leaves the vertex in place.
     message : str
-        What is done to the normals, for people.
+        What is shown as progress while the normals are filtered.
     limit : float
-        The farthest that a vertex may move in all, in mean edge lengths; 0 sets no limit.
+        The farthest that a vertex may move in total, in mean edge lengths; 0 sets no limit.
     steps, freedom : int, float
         As `fit_steps` and `crease_freedom` in `GeometrySettings`.
     unfolds : bool
-        Whether moves that fold faces onto each other are taken back; those that are limited are.
+        Whether moves that fold faces onto each other are undone; with a limit they always are.
     mend : callable, optional
-        Corrects each displacement, given a mesh before it and the normals that it was fitted to.
+        Corrects each displacement: takes the mesh before it, the target normals and the
+        displacement.
 
     Returns
     -------
@@ -330,7 +333,7 @@ def _limit(moved: Floats, most: float) -> None:
 def _refit_system(
     mesh: TriangleMesh, eps: float, mask: Floats | None, hold: Floats | None
 ) -> LinearSystem:
-    # A vertex without area stays put, and one whose mask is 0.
+    # Vertices without area, and those with mask 0, are fixed.
     with phase(0.0, 0.2, "Preparing the refit"):
         screen = eps * lumped_mass(mesh)
         if hold is not None:
@@ -348,7 +351,7 @@ def _refit_system(
 
 
 def _hold(mesh: TriangleMesh, normals: Floats, freedom: float) -> Floats | None:
-    # How much of the screening stays: less where faces are to turn by more than _TURN.
+    # Factor of the screening at each vertex: smaller where faces are to turn by _TURN or more.
     if freedom == 0:
         return None
     angles = np.empty((mesh.face_count, 1))
@@ -360,7 +363,7 @@ def _hold(mesh: TriangleMesh, normals: Floats, freedom: float) -> Floats | None:
 
 @kernel
 def _angles(start, stop, one, other, angles):
-    # 0 for a target of 0, which asks for no turn.
+    # Angles between two normals; 0 for a target of 0, which asks for no turn.
     for f in range(start, stop):
         cosine = dot(one[f], other[f])
         angles[f, 0] = np.arccos(min(max(cosine, -1.0), 1.0)) if cosine != 0 else 0.0
@@ -368,7 +371,7 @@ def _angles(start, stop, one, other, angles):
 
 @kernel
 def _held(start, stop, freedom, hold):
-    # From angles to what of the screening stays.
+    # From mean angles to factors of the screening, in place.
     for v in range(start, stop):
         squared = (hold[v] / _TURN) ** 2
         hold[v] = 1.0 - freedom * squared / (1.0 + squared)
@@ -376,7 +379,7 @@ def _held(start, stop, freedom, hold):
 
 @kernel
 def _to_lengths(start, stop, mean_edge_length, moves):
-    # From mean edge lengths to the mesh's unit; what is only rounding becomes zero.
+    # From mean edge lengths to the mesh's unit; moves that are only rounding become 0.
     for v in range(start, stop):
         if max(abs(moves[v, 0]), abs(moves[v, 1]), abs(moves[v, 2])) < LEAST_MOVE:
             moves[v] = 0.0
@@ -397,9 +400,9 @@ def _move(start, stop, vertices, moved, positions):
 def _turning(
     start, stop, vertices, faces, corner_start, corners, normals, areas, targets, fixed, rhs
 ):
-    # Minus the integral of <grad(hat function), grad(N . x)> N over each face; the gradient of
-    # a hat function times the area is half of normal x opposite edge. Needle-like faces are
-    # weakened here as they are in the matrix.
+    # The right-hand side: minus the integral of <grad(hat function), grad(N . x)> N over each face.
+    # The gradient of a hat function times the area is half of normal x opposite edge. Needle-like
+    # faces have less weight, as in the matrix.
     for v in range(start, stop):
         if fixed[v]:
             continue

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""No fold is left behind: what a refit folds is slid flat, moved as its neighbours are, or undone.
+"""Repairs the faces that a refit has folded: vertices slide, follow their neighbours, or go back.
 
-Not in the papers. A fold is an edge whose faces close beyond 140 degrees, and did not before; a
-face is turned over that is nearly a right angle off its target, and was not before; and what has
-lost its area is as bad. What is nearly so is repaired in part, so that rounding never decides.
+Not in the papers. A face is bad if the refit has folded it, so that across an edge normals turn by
+more than 140 degrees; if it has turned it over, nearly a right angle away from its target normal;
+or if it has taken nearly all of its area. Faces that were so before are not bad. Faces that are
+nearly bad are repaired in part, so that rounding never decides.
 """
 
 from __future__ import annotations
@@ -21,56 +22,58 @@ from ..mesh.calculus import greatest_to_faces, greatest_to_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
 _FOLD, _CLEAR, _ALREADY = np.cos(np.radians((140.0, 149.9, 150.1)))
-"""Cosines of the angles across an edge beyond which it is a fold; where the input is nearly one
-already, or three faces and more meet; and beyond which the input is one."""
+"""Cosines of angles between the normals of two faces at an edge: beyond the first, the edge is a
+fold; beyond the second, where the input is nearly a fold or three faces or more meet; edges of the
+input beyond the third were folds before."""
 
 _SAME = 1e-9
 """Cosines that differ by less are equal."""
 
 _WORSE = 0.02
-"""Where an edge was a fold already, or a face turned, its cosine may fall by this."""
+"""Cosines may fall by this much where an edge was a fold before, or a face was turned over."""
 
-_OFF = 0.05
-"""Cosine of the angle to its target beyond which a face is turned over."""
+_FLIPPED = 0.05
+"""Cosine of the angle to its target below which a face is turned over."""
 
-_NEARLY = 0.1
-"""Differences of cosines, before these bounds, within which a face is bad in part."""
+_RAMP_WIDTH = 0.1
+"""Width of the ramp of cosines above these bounds in which a face is bad in part."""
 
-_GONE = 0.02, 0.1
-"""Shares of its area below which a face is bad, and its normal uncertain; and in part."""
+_AREA_RAMP = 0.02, 0.1
+"""Ramp of a face's area over that of the input: below the first value the face is bad and its
+normal is not used, above the second it is neither; in between, both apply in part."""
 
 _STIFF = (200.0,) * 6 + (20.0,) * 3
-"""How firmly vertices keep to the planes of their faces, round by round."""
+"""Stiffness that keeps sliding vertices in the planes of their faces, for each round."""
 
 _SLIDES = 4
-"""In each round."""
+"""Slides in each round."""
 
-_AROUND, _FARTHER = 2, 2.0
-"""A vertex ends at most so many times as far from where it was as any within so many edges had
-gone, as a small move undoes what a small one folded."""
+_MOVE_RINGS, _MOVE_FACTOR = 2, 2.0
+"""Limit of a sliding vertex's distance from its input position: the longest move within this number
+of rings (first), times a factor (second). Small moves suffice to undo the folds of small moves."""
 
-_EVENED = 8
-"""Rounds in which vertices move as their neighbours do."""
+_AVERAGING_ROUNDS = 8
+"""Rounds in which vertices take over the mean displacement of their neighbours."""
 
 _RETREATS, _RETURNS, _RETREAT = 8, 32, 0.6
-"""Rounds in which vertices go part of the way back, and how much is left of it in each; after them
-they go back fully, and those around in part."""
+"""Rounds in which vertices of bad faces go back in part; rounds in which they go back fully and
+their neighbours in part; and the factor of a displacement that goes back in part."""
 
 _MOST_SHEETS = 8
-"""Most faces at an edge that are compared, each with each."""
+"""Most faces at one edge that are compared pairwise."""
 
 Indices = npt.NDArray[Any]
 
 
 class FoldChecks:
-    """Tells which faces are folded or turned by a displacement, and were not before.
+    """Finds the bad faces of a displaced mesh: those that the displacement folds or turns over.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Before.
+        The mesh before the displacement.
     targets : (m, 3) float64
-        The normals that its faces should have.
+        Target normals of its faces.
     """
 
     def __init__(self, mesh: TriangleMesh, targets: Floats) -> None:
@@ -78,11 +81,11 @@ class FoldChecks:
         self._thick = _pairs_at_thick_edges(mesh)
 
     def bad_faces(self, moved: Floats, among: Indices) -> Indices:
-        """Return those of some faces that are bad, sorted."""
+        """Return the bad ones among some faces, sorted."""
         return distinct(among[self.grades(moved, among) >= 1], self.mesh.face_count)
 
     def grades(self, moved: Floats, among: Indices) -> Floats:
-        """Grade some faces, sorted: 1 if they are bad, 0 if they are not, between if nearly."""
+        """Grade some faces, given sorted: 1 if bad, 0 if not, in between if nearly bad."""
         mesh = self.mesh
         found = np.empty(len(among))
         run(_grade, len(among), among, mesh.vertices, moved, mesh.faces, mesh.twins, mesh.normals,
@@ -98,12 +101,15 @@ class FoldChecks:
     def graded_near(
         self, moved: Floats, faces: Indices, vertices: Indices
     ) -> tuple[Indices, Floats]:
-        """Return some faces and those whose folds depend on some vertices, and their grades."""
+        """Grade some faces together with those whose grades depend on some vertices.
+
+        Returns the indices of all these faces, and their grades.
+        """
         among = np.union1d(faces, self.faces_near(vertices))
         return among, self.grades(moved, among)
 
     def faces_near(self, vertices: Indices) -> Indices:
-        """Return the faces whose folds depend on some vertices, sorted."""
+        """Return the faces whose grades depend on some vertices, sorted."""
         mesh = self.mesh
         around = mesh.faces[faces_around(mesh.corners, vertices)]
         return faces_around(mesh.corners, distinct(around, mesh.vertex_count))
@@ -112,14 +118,14 @@ class FoldChecks:
 def mended(
     mesh: TriangleMesh, targets: Floats, moved: Floats, fixed: npt.NDArray[np.bool_] | None
 ) -> Floats:
-    """Leave no fold behind.
+    """Change a displacement so that no face is folded or turned over.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Before.
+        The mesh before the displacement.
     targets : (m, 3) float64
-        The normals that its faces should have.
+        Target normals of its faces.
     moved : (n, 3) float64
         The displacement, in the unit of `mesh.vertices`.
     fixed : (n,) bool or None
@@ -128,7 +134,7 @@ def mended(
     Returns
     -------
     (n, 3) float64
-        The displacement, changed where something was folded.
+        The displacement, changed around bad faces.
     """
     checks = FoldChecks(mesh, targets)
     near = checks.faces_near(np.flatnonzero(moved.any(axis=1)))
@@ -142,7 +148,7 @@ def mended(
 
 
 def undone(mesh: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
-    """Take moves back, in place, where something is folded."""
+    """Undo a displacement, in place, around bad faces."""
     checks = FoldChecks(mesh, targets)
     near = checks.faces_near(np.flatnonzero(moved.any(axis=1)))
     return _without(checks, moved, checks.bad_faces(moved, near))
@@ -155,17 +161,17 @@ def _slide(
     grades: Floats,
     fixed: npt.NDArray[np.bool_] | None,
 ) -> Indices:
-    # Along the planes of their faces, to the mean of their neighbours, as far as faces are bad.
-    # Borders stay: they would shrink. Returns the faces that still are bad.
+    # Slides the vertices of bad faces to the mean of their neighbours, along the planes of their
+    # faces, weighted by the grade. Borders would shrink and stay. Returns the faces still bad.
     mesh = checks.mesh
     still = np.zeros(mesh.vertex_count, dtype=np.bool_) if fixed is None else fixed.copy()
     still[_border(mesh)] = True
     most = np.linalg.norm(moved, axis=1)
-    for _ in range(_AROUND):
+    for _ in range(_MOVE_RINGS):
         most = greatest_to_vertices(mesh, greatest_to_faces(mesh, most))
-    most *= _FARTHER
+    most *= _MOVE_FACTOR
     for stiff in _STIFF:
-        # Loose rounds take vertices off their creases: they are for what is bad alone.
+        # Rounds of low stiffness move vertices off creases, so they are for fully bad faces only.
         counted = grades if stiff == _STIFF[0] else np.floor(grades)
         if not counted.any():
             break
@@ -190,10 +196,10 @@ def _shorten(moved: Floats, chosen: Indices, most: Floats) -> None:
 def _even_out(
     checks: FoldChecks, moved: Floats, bad: Indices, fixed: npt.NDArray[np.bool_] | None
 ) -> Indices:
-    # Vertices move as their neighbours do, which keeps the input's shape.
+    # Averages displacements with those of neighbours, which keeps the input's shape.
     mesh = checks.mesh
     among, grades = bad, np.ones(len(bad))
-    for _ in range(_EVENED):
+    for _ in range(_AVERAGING_ROUNDS):
         if not (grades >= 1).any():
             break
         ask()
@@ -206,7 +212,7 @@ def _even_out(
 
 
 def _without(checks: FoldChecks, moved: Floats, bad: Indices) -> Floats:
-    # Back, a little each time and at last all of the way, with more and more of what lies around.
+    # Vertices of bad faces go back, at first in part, then fully, with more and more around them.
     mesh = checks.mesh
     start, ring = mesh.neighbours
     among, grades = bad, np.ones(len(bad))
@@ -232,7 +238,7 @@ def _ends(
     grades: Floats,
     fixed: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[Indices, Floats]:
-    # The vertices of bad faces, but for fixed ones, and their worst grades: (k,), (k, 1).
+    # The vertices of graded faces, except fixed ones, and the worst grade at each: (k,), (k, 1).
     worst = np.zeros(mesh.vertex_count)
     np.maximum.at(worst, mesh.faces[faces], grades[:, None])
     if fixed is not None:
@@ -242,7 +248,7 @@ def _ends(
 
 
 def _border(mesh: TriangleMesh) -> Indices:
-    # The ends of edges with one face.
+    # The ends of border edges, which have one face.
     face, k = np.nonzero(mesh.twins < 0)
     ends = np.sort(np.stack([mesh.faces[face, k], mesh.faces[face, (k + 1) % 3]], axis=1))
     edges, counts = np.unique(ends, axis=0, return_counts=True)
@@ -250,7 +256,7 @@ def _border(mesh: TriangleMesh) -> Indices:
 
 
 def _pairs_at_thick_edges(mesh: TriangleMesh) -> tuple[Indices, Indices]:
-    # Pairs of faces at edges of three and more, whose half-edges have no twins.
+    # Pairs of faces at edges of three or more faces, whose half-edges have no twins.
     alone = np.flatnonzero(mesh.twins.reshape(-1) < 0)
     faces = np.unique(alone // 3)
     ends = np.sort(np.concatenate([mesh.faces[faces][:, k] for k in ([0, 1], [1, 2], [2, 0])]), 1)
@@ -286,7 +292,7 @@ def _normal_and_area(vertices, moved, faces, f):
     large = max(abs(ux), abs(uy), abs(uz), abs(vx), abs(vy), abs(vz))
     if not large > 0:
         return (0.0, 0.0, 0.0), 0.0
-    s = 1.0 / large  # products of very large and very small numbers are none
+    s = 1.0 / large  # so that products neither overflow nor underflow
     x, y, z = cross((s * ux, s * uy, s * uz), (s * vx, s * vy, s * vz))
     length = np.sqrt(x * x + y * y + z * z)
     if length > 0:
@@ -303,7 +309,7 @@ def _grade(start, stop, among, vertices, moved, faces, twins, before, areas, uni
         on = dot(before[f], targets[f])
         grades[i] = gone
         if area > 0:
-            least = min(_OFF, on - _WORSE)
+            least = min(_FLIPPED, on - _WORSE)
             grades[i] = max(grades[i], _graded(dot(n, targets[f]), least, on))
         for k in range(3):
             if twins[f, k] < 0:
@@ -316,27 +322,27 @@ def _grade(start, stop, among, vertices, moved, faces, twins, before, areas, uni
             m, area = _normal_and_area(vertices, moved, faces, g)
             most = max(gone, _gone(unit * area, areas[g]))
             grade = (1.0 - most) * _graded(dot(n, m), least, bent)
-            # Of a fold, the face is bad that has lost more of its area; if all, as it has.
+            # At a fold, mainly the face that has lost more of its area is bad.
             grades[i] = max(grades[i], grade + max(2.0 * gone - most, 0.0))
 
 
 @kernel
 def _gone(area, before):
-    # 1 where a face has lost its area, so that with a little more noise it would be turned over.
+    # 1 where a face has nearly no area left, so that a little more noise would turn it over.
     if before <= 0:
         return 0.0
-    return min(max((_GONE[1] - area / before) / (_GONE[1] - _GONE[0]), 0.0), 1.0)
+    return min(max((_AREA_RAMP[1] - area / before) / (_AREA_RAMP[1] - _AREA_RAMP[0]), 0.0), 1.0)
 
 
 @kernel
 def _graded(cosine, least, before):
-    # 1 below the least cosine, 0 well above it, and where nothing changed.
-    return min(max(1.0 - (cosine - least) / min(_NEARLY, before - least), 0.0), 1.0)
+    # 1 below the least cosine; 0 well above it, and where the cosine has not fallen.
+    return min(max(1.0 - (cosine - least) / min(_RAMP_WIDTH, before - least), 0.0), 1.0)
 
 
 @kernel
 def _find_folded(start, stop, one, two, vertices, moved, faces, before, folded):
-    # Where sheets touch, what lies across an edge is not told by the edge: clear folds count.
+    # Where sheets touch, it is unclear which faces are neighbours, so only clear folds count.
     for i in range(start, stop):
         n = _normal(vertices, moved, faces, one[i])
         m = _normal(vertices, moved, faces, two[i])
@@ -360,7 +366,7 @@ def _find_slides(
     slides,
 ):
     # Half of the way to the mean of the neighbours, along the planes of the faces: solves
-    # (1 + stiff * mean of N N^T) slide = way.
+    # (1 + stiff * mean of N N^T) slide = way / 2.
     for j in range(start, stop):
         v = chosen[j]
         mx = my = mz = count = total = 0.0

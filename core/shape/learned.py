@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The learned denoiser: many smoothings of the normals, mixed face by face, and a fit to them.
+"""The learned denoiser: networks mix smoothed normals face by face, and the mesh is fitted to them.
 
-Not in the papers. The smoothings are those of `smoothings`; small networks, which have learned from
-made solids (`tools/training`), weigh them in three stages. Faces that hardly turn stay as they are.
+Not in the papers. The candidates are the smoothed normals of `smoothings`. In each of three stages
+a small network, trained on synthetic solids (`tools/training`), weighs them. Faces that hardly turn
+stay as they are.
 """
 
 from __future__ import annotations
@@ -48,60 +49,67 @@ from .smoothings import (
 WEIGHTS = Path(__file__).with_name("denoise.npz")
 
 STAGES = "first", "next", "last"
-"""Names of the networks, in order."""
+"""Names of the networks, in the order of the stages."""
 
 FITS = 3
-"""Fits to the normals of the last stage."""
+"""Number of successive fits to the normals of the last stage; other stages have one."""
 
 _FIT = FitSettings(screening_radius=5.0)
 
 BUMP_REACH, BUMP_FITS = 2.0, 2
-"""The radius of the fit that takes bumps away grows by so much of their width; and its fits."""
+"""The fit that removes bumps: its screening radius grows by this factor times the bump size; and
+the number of successive fits."""
 
-_STILL = 1.6, 3.0
-"""Degrees around a face from which faces turn, and fully."""
+_TURN_RAMP = 1.6, 3.0
+"""Ramp in degrees, of the largest turn within two rings of a face: below the first value the face
+keeps its normal, above the second it takes the new one."""
 
-_NEARER, _ROUNDS = (0.5, 1.5), 4
-"""Squared distance that is left to the wanted normals, over that of the given ones, from which the
-vertices around go back, and fully; and how often this is looked at, as it turns other faces. Where
-a fit goes well, a tenth is left; narrower ends would let rounding decide."""
+_DEVIATION_RAMP, _UNDO_ROUNDS = (0.5, 1.5), 4
+"""Ramp of a ratio: the squared distance from the target normals after a displacement, over that
+before it. Below the first value a vertex keeps its displacement, above the second it loses all of
+it. A good fit leaves about 0.1; a narrower ramp would let rounding errors decide. The test is
+repeated, at most this often, because vertices that go back turn the faces beside them."""
 
-_HARDLY = 3e-6
-"""A squared distance of normals, of a tenth of a degree, that is not told apart from none."""
+_LEAST_DEVIATION = 3e-6
+"""Squared distance between unit normals that counts as none: 0.1 degrees."""
 
-_UPRIGHT, _TURNED = 0.4, -0.2
-"""Cosines of the angle to the wanted normal from which a face counts as turned over: a fit does not
-turn it back, so its surroundings are evened out first."""
+_NOT_FLIPPED, _FLIPPED = 0.4, -0.2
+"""Ramp of the cosine between a face normal and its target: a face above the first value is not
+turned over, one below the second is fully. A fit cannot turn such a face back, so the vertices
+around it are smoothed before the fit."""
 
-_EQUAL = 2e-3
-"""How far squared lengths and cosines may be off where squares are equal and at right angles: many
-times what single precision leaves, and far below any noise."""
+_SQUARE_TOLERANCE = 2e-3
+"""Tolerance, for relative differences of squared lengths and for cosines, of the test whether two
+squares are equal and perpendicular: far above the rounding of single precision, and far below any
+noise."""
 
-_BESIDE = 0.15
-"""Share of the faces around a vertex from which steps up, or down, count fully."""
+_STEP_SHARE = 0.15
+"""A vertex lies fully on voxel steps if at least this share of its faces has a step up, and as many
+a step down."""
 
-_STEPPED = 0.4, 0.55
-"""Share of steps within three rings from which vertices are evened out, and fully."""
+_STEPPED_RAMP = 0.4, 0.55
+"""Ramp of the mean of that measure within three rings: below the first value a vertex stays, above
+the second it is smoothed fully."""
 
-_STEPS = 50, 200
-"""The same for the number of vertices at steps: fewer are a model's own."""
+_STEP_COUNT_RAMP = 50, 200
+"""The same ramp for the number of such vertices in the mesh: a few steps are part of the model."""
 
-_SPREAD = 4.0
-"""How much more than in the mean over the faces around."""
+_FLIP_SMOOTHING = 4.0
+"""Vertices are smoothed by this factor times the mean share of turned-over faces around them."""
 
-_RINGS, _WORTH_IT = 24, 0.6
-"""Around what a mask chooses, so many rings of vertices are looked at, unless they make up so much
-of the mesh."""
+_RINGS, _LARGEST_PART = 24, 0.6
+"""With a mask, only the part within this many rings of the chosen vertices is denoised, unless it
+has more than this share of all vertices: then the whole mesh is."""
 
 _BLOCK = 1 << 15
-"""Faces that are asked about at once."""
+"""Number of faces that a network scores in one call."""
 
 _MESSAGE = "Denoising"
 
 
 @cache
 def networks() -> list[Network]:
-    """The networks that weigh smoothings, one for each stage."""
+    """Load the networks that weigh the smoothed normals, one for each stage."""
     found = load(WEIGHTS, DEFINITION)
     return [found[name] for name in STAGES]
 
@@ -114,21 +122,23 @@ def learned_displacement(
     bump_size: float = 0.0,
     keep_creases: float = 0.5,
 ) -> Floats:
-    """Find how vertices should move to be without noise: (n, 3), in the unit of `mesh.vertices`.
+    """Find the displacement that removes noise: (n, 3), in the unit of `mesh.vertices`.
 
     Parameters
     ----------
     mesh : TriangleMesh
     weights : (n,) float64 or None
-        How much of its displacement a vertex takes; those of 0 stay, and others fit to them.
+        Share of its displacement that each vertex takes. Vertices of weight 0 stay in place, and
+        the rest is fitted to them.
     strength : float
-        How much of the displacement is taken; the rest is kept with the mesh for another one.
+        Factor of the displacement. The full displacement is cached with the mesh, so that another
+        strength is fast.
     nets : list of Network, optional
-        One for each stage; those that are shipped by default.
+        One for each stage; by default the shipped ones.
     bump_size : float
-        Bumps up to this width, in mean edge lengths, are taken away first.
+        Bumps up to this width, in mean edge lengths, are removed first.
     keep_creases : float
-        Below 0.5 creases are rounded, above it they are made crisp.
+        Below 0.5 creases are rounded, above 0.5 they are sharpened.
     """
     given = networks() if nets is None else nets
     free = None if weights is None else (weights > LEAST_WEIGHT).astype(np.float64)
@@ -144,7 +154,7 @@ def learned_displacement(
 
 
 class _Ways(NamedTuple):
-    # How to denoise: by which networks, bumps up to which width, and how much creases are kept.
+    # The parameters of `learned_displacement` that all stages share.
 
     nets: list[Network]
     bump_size: float
@@ -152,12 +162,12 @@ class _Ways(NamedTuple):
 
 
 def _denoised(mesh: TriangleMesh, free: Floats | None, ways: _Ways) -> tuple[Floats, Floats]:
-    # The displacement, and the normals that it is fitted to; `free` are 1, or 0 for what stays.
+    # Returns the displacement and its target normals; `free` is 0 for vertices that stay, else 1.
     if free is None or free.all():
         return _in_stages(mesh, None, ways)
     rings = _RINGS + ceil(BUMP_REACH * ways.bump_size)
     near = dilation(mesh, (free > 0).view(np.uint8), rings)
-    if near.mean() > _WORTH_IT:
+    if near.mean() > _LARGEST_PART:
         return _in_stages(mesh, free, ways)
     moved, normals = np.zeros((mesh.vertex_count, 3)), mesh.normals.copy()
     chosen = np.flatnonzero(greatest_to_faces(mesh, near))
@@ -177,19 +187,19 @@ def _in_stages(mesh: TriangleMesh, weights: Floats | None, ways: _Ways) -> tuple
 
 
 def _without_voxels(mesh: TriangleMesh) -> Floats | None:
-    # How vertices are evened out where all is squares between voxels; None without any.
+    # The displacement that smooths the steps of voxel surfaces; None if the mesh has no such steps.
     steps = np.empty((mesh.face_count, 2))
     run(_find_steps, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.normals,
-        _EQUAL, steps)  # fmt: skip
+        _SQUARE_TOLERANCE, steps)  # fmt: skip
     if not steps.any(axis=0).all():
         return None
     beside = average_to_vertices(mesh, steps).min(axis=1, keepdims=True)
-    beside = around = np.minimum(beside / _BESIDE, 1.0)
+    beside = around = np.minimum(beside / _STEP_SHARE, 1.0)
     for _ in range(3):
         around = average_to_vertices(mesh, average_to_faces(mesh, around))
     share = 2.0 * average_to_vertices(mesh, average_to_faces(mesh, beside))
-    share = np.minimum(share, 1.0) * between(around, _STEPPED)
-    share *= between(np.count_nonzero(share), _STEPS)
+    share = np.minimum(share, 1.0) * between(around, _STEPPED_RAMP)
+    share *= between(np.count_nonzero(share), _STEP_COUNT_RAMP)
     if not share.any():
         return None
     even = np.empty_like(mesh.vertices)
@@ -210,7 +220,7 @@ def _level_in_stages(
 
 
 def _without_bumps(mesh: TriangleMesh, weights: Floats | None, width: float) -> Floats:
-    # The displacement that takes bumps away. It reaches as far as these, unlike that of noise.
+    # The displacement that removes bumps. Its fit reaches farther than that for noise.
     with phase(0.0, 0.5, _MESSAGE):
         normals = _allowed(mesh, kept_still(mesh, without_bumps(mesh, width)), weights)
     with phase(0.5, 1.0, _MESSAGE):
@@ -234,12 +244,12 @@ def _mixed_in_stages(
             with phase(0.8, 1.0, _MESSAGE):
                 state.fit(normals, FITS if last else 1, ways.keep_creases if last else 0.5)
         if not state.moved.any():
-            break  # all is clean, or no move leads nearer
+            break  # the mesh is clean, or no displacement brings normals nearer to their targets
     return state.moved, state.normals
 
 
 def found_in_stage(mesh: TriangleMesh, nets: list[Network]) -> Smoothings:
-    """Return what the stage after some networks is to mix: what the next one learns from."""
+    """Return the smoothed normals after the stages of some networks: inputs to train the next."""
     state = _State(mesh, None)
     found = state.smoothed()
     for network in nets:
@@ -249,7 +259,7 @@ def found_in_stage(mesh: TriangleMesh, nets: list[Network]) -> Smoothings:
 
 
 class _State:
-    # Where the vertices are between two stages, and the normals that they were fitted to.
+    # What one stage hands to the next: the displacement so far, and the normals it was fitted to.
 
     def __init__(self, mesh: TriangleMesh, weights: Floats | None) -> None:
         self._mesh, self._weights = mesh, weights
@@ -275,12 +285,12 @@ class _State:
 
 
 def _allowed(mesh: TriangleMesh, normals: Floats, weights: Floats | None) -> Floats:
-    # What the weights allow of the way from the own normals to others.
+    # Blends from the mesh's own normals to others by the weights of the vertices.
     return normals if weights is None else blended_normals(mesh, mesh.normals, normals, weights)
 
 
 def mixed(network: Network, mesh: TriangleMesh, found: Smoothings) -> Floats:
-    """Mix the smoothings of all faces: (m, 3)."""
+    """Mix the smoothed normals of each face by a network: unit vectors, (m, 3)."""
     normals = np.empty((mesh.face_count, 3))
     for block in blocks(mesh.face_count, _BLOCK):
         rows = np.arange(block.start, block.stop)
@@ -290,12 +300,12 @@ def mixed(network: Network, mesh: TriangleMesh, found: Smoothings) -> Floats:
 
 
 def kept_still(mesh: TriangleMesh, normals: Floats, other: Floats | None = None) -> Floats:
-    """Give faces their own normals, bit for bit, where none around turns or there is no noise.
+    """Keep a face's own normal, bit for bit, where no face around it turns or noise is impossible.
 
-    The rest gets `normals`, or `other` if given.
+    Other faces take `normals`, or `other` if given.
     """
     turned = np.empty(mesh.face_count)
-    run(_measure_turns, mesh.face_count, mesh.normals, normals, _STILL, turned)
+    run(_measure_turns, mesh.face_count, mesh.normals, normals, _TURN_RAMP, turned)
     for _ in range(2):
         turned = greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
     turned *= kept(mesh, "possible noise", (), partial(possible_noise, mesh))
@@ -313,9 +323,9 @@ def fitted(
     fits: int = 1,
     settings: FitSettings = _FIT,
 ) -> Floats:
-    """Go on from a displacement of a mesh towards normals of its faces: (n, 3).
+    """Fit a mesh to target normals, several times in turn, starting from a displacement: (n, 3).
 
-    The last fit that does not shrink a mesh of few faces to a point is the result.
+    If a fit shrinks the mesh to a point, as may happen with few faces, the one before is returned.
     """
     for fit in range(fits):
         with phase(fit / fits, (fit + 1) / fits, "Fitting the surface"):
@@ -340,14 +350,14 @@ def _fitted_once(
         moved = moved + even
         current = moved_to(mesh, moved)
     moved = moved + displacement(current, normals, settings, weights)[0]
-    moved_to(mesh, moved)  # raises an error
+    moved_to(mesh, moved)  # raises InvalidMesh if the mesh has shrunk to a point
     return moved
 
 
 def _nearer(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
-    # Takes a displacement back where it leads away from wanted normals: long thin faces, and walls
-    # that are close together, are not always fitted well, and what is clean needs no fit at all.
-    for _ in range(_ROUNDS):
+    # Undoes a displacement where it leads away from the target normals: a fit may fail at long thin
+    # faces and at close walls, and clean parts need none.
+    for _ in range(_UNDO_ROUNDS):
         if not moved.any():
             break
         off = np.empty((mesh.face_count, 2), dtype=np.float32)
@@ -355,7 +365,7 @@ def _nearer(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
             mesh.faces, mesh.normals, normals, off)  # fmt: skip
         around = average_around(mesh, off).astype(np.float64)
         own, new = average_around(mesh, average_to_faces(mesh, around)).T
-        share = 1.0 - between(new / (own + _HARDLY), _NEARER)
+        share = 1.0 - between(new / (own + _LEAST_DEVIATION), _DEVIATION_RAMP)
         if (share == 1.0).all():
             break
         moved = share[:, None] * moved
@@ -363,19 +373,19 @@ def _nearer(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
 
 
 def moved_to(mesh: TriangleMesh, moved: Floats) -> TriangleMesh:
-    """Return a mesh after a displacement; itself, if nothing moved."""
+    """Return the displaced mesh; `mesh` itself if nothing moved."""
     return mesh.moved_to(mesh.vertices + moved) if moved.any() else mesh
 
 
 def _untangled(mesh: TriangleMesh, normals: Floats) -> Floats | None:
-    # How vertices are evened out where faces turned over.
+    # The displacement that smooths vertices around turned-over faces; None if there are none.
     over = np.empty((mesh.face_count, 1))
     run(_measure_over, mesh.face_count, mesh.normals, normals, over)
     if not over.any():
         return None
     for _ in range(2):
         over = average_to_faces(mesh, average_to_vertices(mesh, over))
-    share = np.minimum(_SPREAD * average_to_vertices(mesh, over), 1.0)
+    share = np.minimum(_FLIP_SMOOTHING * average_to_vertices(mesh, over), 1.0)
     places = mesh.vertices
     for _ in range(2):
         even = np.empty_like(places)
@@ -386,7 +396,7 @@ def _untangled(mesh: TriangleMesh, normals: Floats) -> Floats | None:
 
 @kernel
 def _half_of_square(places, faces, f, equal):
-    # The squared length of its sides, or 0.
+    # The squared side of the square that a face is half of; 0 if it is no such half.
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     u, v, w = edge(places, a, b), edge(places, b, c), edge(places, c, a)
     p, q, r = dot(u, u), dot(v, v), dot(w, w)
@@ -399,7 +409,7 @@ def _half_of_square(places, faces, f, equal):
 
 @kernel
 def _find_steps(start, stop, places, faces, twins, normals, equal, steps):
-    # Whether halves of equal squares meet at right angles: downwards, and upwards.
+    # Whether an equal half of a square meets each face at a right angle: below it, and above it.
     for f in range(start, stop):
         steps[f, 0] = steps[f, 1] = 0.0
         own = _half_of_square(places, faces, f, equal)
@@ -417,7 +427,7 @@ def _find_steps(start, stop, places, faces, twins, normals, equal, steps):
 
 @kernel
 def _measure_off(start, stop, places, moved, faces, given, wanted, off):
-    # Squared distances to wanted normals: of the given ones, and of those after a displacement.
+    # Squared distances to the target normals: before a displacement, and after it.
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         one, two = edge(places, a, b), edge(places, a, c)
@@ -432,7 +442,7 @@ def _measure_off(start, stop, places, moved, faces, given, wanted, off):
             own += (given[f, x] - wanted[f, x]) ** 2
             new += (n[x] / length - wanted[f, x]) ** 2
             size += given[f, x] ** 2
-        known = 1.0 if size > 0.5 else 0.0  # what has no area has no normal
+        known = 1.0 if size > 0.5 else 0.0  # a face without area has no normal
         off[f, 0], off[f, 1] = known * own, known * new
 
 
@@ -464,4 +474,4 @@ def _take(start, stop, old, new, shares, out):
 def _measure_over(start, stop, own, wanted, over):
     for f in range(start, stop):
         away = dot(own[f], wanted[f])
-        over[f, 0] = min(max((_UPRIGHT - away) / (_UPRIGHT - _TURNED), 0.0), 1.0)
+        over[f, 0] = min(max((_NOT_FLIPPED - away) / (_NOT_FLIPPED - _FLIPPED), 0.0), 1.0)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Crisp low poly: few triangles between the creases of a part, out of a fine remesh of it.
+"""Crisp low poly: simplifies a fine remesh of a part to few triangles, and keeps its creases.
 
-Edges collapse, the cheapest first, to where the planes around them meet best (Garland and Heckbert:
-Surface Simplification Using Quadric Error Metrics, SIGGRAPH 1997). Not in the papers: each face
-keeps the vertices and normals of the sharpened mesh that it stands for, and an edge stays if its
-collapse took a vertex too far away or turned the surface too much from these normals.
+Edges collapse in the order of their cost, to the point of least quadric error (Garland and
+Heckbert: Surface Simplification Using Quadric Error Metrics, SIGGRAPH 1997). Not in the papers:
+each face keeps samples, the vertices and face normals of the sharpened mesh that it represents. An
+edge does not collapse if that would leave a sample too far from the surface, turn the surface too
+much from the normals of the samples, or make a face that spans a gap.
 """
 
 from __future__ import annotations
@@ -30,64 +31,73 @@ from .sharpening import sharpen_geometry
 
 Ints = npt.NDArray[np.int32]
 
-_AREA = 1.5
-"""A collapse may turn the surface by as much as this area, in squared edge lengths, by `turn`."""
+_TURN_AREA = 1.5
+"""A collapse may add at most this much to the sum of areas times squared turns: a change of the
+surface by `turn` over this area, in squared mean edge lengths."""
 
-_ABOUT = 0.08
-"""Squared turn, in radians, beyond which normals count no more: they are of faces that are wrong
-in the sharpened mesh, such as those across a crease."""
+_TURN_CAP = 0.08
+"""Squared turn, in radians squared, that no normal exceeds in that sum. Normals off by more are
+wrong in the sharpened mesh, such as those of faces across a crease."""
 
-_BESIDE = 0.1
-"""Weight of normals beside creases, which are the least sure."""
+_CREASE_WEIGHT = 0.1
+"""Weight of the normals of faces at creases, which are the least reliable."""
 
-_TINY = 1.2
-"""Area between creases, in squared edge lengths, of which the planes of faces count a quarter."""
+_SMALL_AREA = 1.2
+"""Area between creases, in squared mean edge lengths, at which the planes of its faces have a
+quarter of their weight; in larger areas they have more."""
 
-_CUT = 2.0
-"""How much farther vertices along creases may lie from the new faces: a remesh cuts corners."""
+_CREASE_FACTOR = 2.0
+"""Factor of the tolerance at vertices along creases, because a remesh cuts corners."""
 
 _SMOOTHING = 12
-"""Passes over the normals that faces are held to."""
+"""Smoothing passes over the normals of the samples."""
 
-_ACROSS = 1.0
-"""Squared edge lengths that count as much as normals across each other, where it is chosen which
-face stands for what."""
+_TURN_WEIGHT = 1.0
+"""Squared distance, in mean edge lengths, that counts as much as a turn by 90 degrees when the new
+face of a sample is chosen."""
 
-_ALIKE = 0.01
-"""One minus the cosine between normals of which no face is sought that fits better."""
+_SIMILAR = 0.01
+"""1 - cos of the turn below which a sample takes a face without further search, if it projects
+into it."""
 
-_UPRIGHT = 0.5
-"""Least cosine between a face and the mean normal of what it stands for."""
+_LEAST_COSINE = 0.5
+"""Least cosine between a new face and the mean normal of its samples."""
 
-_SHAPE = 2e-3
-"""Height of the thinnest face over its longest edge; only those that were thinner may be."""
+_LEAST_SHAPE = 2e-3
+"""Least ratio of a new face's height to its longest edge, unless its ratio was smaller before."""
 
-_REACH = 2.0
-"""Edge lengths that vertices move at most."""
+_MOST_MOVE = 2.0
+"""The farthest that a vertex moves, in mean edge lengths."""
+
+_LARGE_AREA, _COVER_FACTOR = 2.0, 1.5
+"""A new face of more than this area, in squared edge lengths, is checked not to span a gap: points
+on it may be as far from the surface as vertices along creases may, times the factor."""
 
 _HOLD = 1e-3
-"""How strongly vertices are held along directions in which no plane does."""
+"""Weight, relative to the trace of a quadric, of a term that holds the new vertex in directions
+that no plane determines."""
 
-_SHORT = 1e-6
-"""Cost of squared edge lengths: among equal edges the shortest go first."""
+_LENGTH_COST = 1e-6
+"""Cost per squared edge length, so that among equal edges the shortest collapse first."""
 
 
 @dataclass(frozen=True)
 class LowPoly:
-    """A mesh of few triangles, and what it came from.
+    """A mesh of few triangles, with references to the mesh it was made from, the source.
 
     Attributes
     ----------
     vertices : (k, 3) float64
-        In the unit of the mesh that it was made from.
+        Positions, in the unit of the source.
     faces : (j, 3) int32
-        Wound as the faces of that mesh.
+        Triangles, wound as those of the source.
     vertex_source : (k,) int
-        The vertex of that mesh which each stands for.
+        For each vertex, its vertex in the source.
     face_source : (j,) int
-        A face of that mesh on the same side of all kept edges, and between the same creases.
+        For each face, a face of the source on the same side of all kept edges, and between the
+        same creases.
     corner_source : (j, 3) int
-        A corner of that mesh, 3 * face + number, at each corner: on the same side of all kept
+        For each corner, a corner of the source, as 3 * face + number: on the same side of all kept
         edges, so that its UVs fit, and between the same creases.
 
     Examples
@@ -118,37 +128,38 @@ def crisp_low_poly(
     keep: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> LowPoly:
-    """Sharpen a remeshed part and dissolve what is flat or simply curved between its creases.
+    """Sharpen a remeshed part, then dissolve faces on its flat or smoothly curved areas.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Out of a voxel remesh, a scan, or sharpened already.
+        A voxel remesh, a scan, or a mesh that is sharpened already.
     settings : GeometrySettings, optional
-        With which it is sharpened; an amount of 0 moves nothing before.
+        Settings of the sharpening; an amount of 0 leaves it out.
     tolerance : float
-        How far vertices of the sharpened mesh may lie from the new faces, in mean edge lengths;
-        twice as far along creases, whose corners a remesh cuts. Above 0, up to 10. In parts of
-        some dozens of faces, and where planes have edges of many lengths, as in exports of design
-        programs, in lengths of the shortest edge at each vertex, if that is less.
+        The farthest that vertices of the sharpened mesh may lie from the new faces, in mean edge
+        lengths, above 0 and up to 10; twice as far along creases, whose corners a remesh cuts. In
+        components of some dozens of faces, and where faces in one plane have edges of many
+        lengths, as in exports of design programs, the unit is the shortest edge at each vertex, if
+        that is less.
     turn : float
-        How far a collapse may turn the surface from that of the sharpened mesh, in degrees, from
-        0.1 to 60, over the area of a few faces, and less over larger ones: smaller keeps more
-        faces on what is round.
+        How far a collapse may turn the surface away from the sharpened mesh, in degrees, from 0.1
+        to 60, over an area of a few faces; over larger areas less. Smaller values keep more faces
+        on round parts.
     angle : float
-        Angle of the weakest edges of the sharpened mesh across which normals are not smoothed, in
+        Least angle of edges of the sharpened mesh across which normals are not smoothed, in
         degrees, from 5 to 170.
     keep : (k, 2) array of int, optional
-        Vertices of edges that stay, such as seams of UVs and borders of materials. Pairs that no
-        edge joins do not count.
+        Edges that stay, as pairs of vertices, such as UV seams and borders of materials. Pairs
+        that are no edge are ignored.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     LowPoly
-        As closed as the mesh, without T-joints. Where sheets of the mesh touch, four faces at an
-        edge or several fans at a vertex, they come apart.
+        It is closed if the mesh is, and has no T-junctions. Sheets that touch, with four faces at
+        an edge or several fans at a vertex, are separated.
 
     Raises
     ------
@@ -163,8 +174,8 @@ def crisp_low_poly(
 
     Notes
     -----
-    Creases stay since faces may not turn, so they need not be found. Ends and forks of kept edges
-    and of borders stay where they are.
+    Creases stay because faces must not turn, so they need not be found. The ends and forks of kept
+    edges and of borders stay in place.
 
     Examples
     --------
@@ -209,7 +220,7 @@ def crisp_low_poly(
 
 
 def _lines_at(faces: Ints, held: Bools, count: int) -> Ints:
-    # How many held edges meet at each vertex; more than 2 where some edge has three faces.
+    # How many held edges meet at each vertex; an edge of three or more faces counts as 9.
     begin = faces.astype(np.int64)  # numpy 1 would multiply with 32 bits
     end = begin[:, (1, 2, 0)]
     keys = np.minimum(begin, end) * count + np.maximum(begin, end)
@@ -219,7 +230,7 @@ def _lines_at(faces: Ints, held: Bools, count: int) -> Ints:
 
 
 def _sectors(twins: Ints, held: Bools) -> npt.NDArray[np.int64]:
-    # For each corner, the first one at the same vertex between the same held edges.
+    # Labels corners at the same vertex between the same held edges by the first of them.
     here = np.flatnonzero((twins >= 0) & ~held)
     face, k = np.divmod(twins.reshape(-1)[here], 3)
     there = 3 * face + (k + 1) % 3
@@ -229,9 +240,9 @@ def _sectors(twins: Ints, held: Bools) -> npt.NDArray[np.int64]:
 
 
 def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
-    # The mesh after sheets that touch at edges and vertices have come apart, as remeshers leave
-    # them where a part is thin, and its vertex that each of the new ones is. Four faces at an edge
-    # become the two sheets that bend less.
+    # Separates sheets that touch at edges and vertices, as remeshers leave them where a part is
+    # thin. Returns the new mesh, and for each of its vertices the one it comes from. Of four faces
+    # at an edge, those pairs form sheets that bend less.
     faces, twins = mesh.faces, mesh.twins.copy()
     loose = np.flatnonzero(twins < 0)
     face, k = np.divmod(loose, 3)
@@ -242,7 +253,7 @@ def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
     rows = order[starts[counts == 4][:, None] + np.arange(4)]
     four = loose[rows[(a < b)[rows].sum(axis=1) == 2]]
     n, tips = mesh.normals[four // 3], mesh.scaled_vertices[faces[four // 3, (four + 2) % 3]]
-    # Equal ones become ridges, rather than grooves.
+    # If both ways bend alike, ridges are preferred to grooves.
     flat = [
         np.einsum("gkx,gkx->g", n[:, :2], n[:, way] - 1e-3 * (tips[:, way] - tips[:, :2]))
         for way in ((2, 3), (3, 2))
@@ -250,7 +261,7 @@ def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
     here, there = four[:, :2], np.where((flat[0] > flat[1])[:, None], four[:, 2:], four[:, :1:-1])
     twins.reshape(-1)[here], twins.reshape(-1)[there] = there, here
     fans = _sectors(twins, np.zeros_like(twins, dtype=bool))
-    # At borders sheets that touch stay together.
+    # Sheets that touch at border vertices stay together.
     firsts, closed = np.zeros(mesh.vertex_count, np.int64), np.ones(mesh.vertex_count, dtype=bool)
     firsts[faces] = fans
     for ends in (faces, faces[:, (1, 2, 0)]):
@@ -262,7 +273,7 @@ def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
 
 
 def _chains(keys: npt.NDArray[Any], count: int) -> tuple[Ints, Ints]:
-    # Lists of the items of each key: its first one, and the one after each; -1 ends them.
+    # Linked lists of the items of each key: the first item, and the one after each; -1 at the end.
     first, following = np.full(count, -1, dtype=np.int32), np.full(len(keys), -1, dtype=np.int32)
     order = np.argsort(keys, kind="stable").astype(np.int32)
     same = np.diff(keys[order]) == 0
@@ -274,40 +285,46 @@ def _chains(keys: npt.NDArray[Any], count: int) -> tuple[Ints, Ints]:
 def _dissolved(
     mesh: TriangleMesh, held: Bools, angle: float, allowed: tuple[Floats, Floats], turn: float
 ) -> tuple[Ints, npt.NDArray[np.intp], npt.NDArray[np.int64], Floats]:
-    # The vertices of the faces that are left, which they are, a corner of the mesh at each of
-    # theirs, and where the vertices are. How far vertices may lie from the new faces is given
-    # away from creases and along them.
+    # Returns the vertices of the faces that are left, their indices, a source corner for each of
+    # their corners, and the positions of the vertices. `allowed` is the tolerance of each vertex
+    # away from creases, and along them.
     sharp = _bends(mesh, angle)
     normals = _smooth_normals(mesh, held | sharp)
     count, faces, home = mesh.vertex_count, mesh.faces.copy(), mesh.scaled_vertices
     points = home.copy()
     near = np.zeros(count, dtype=bool)
     near[faces[sharp]] = near[faces[:, (1, 2, 0)][sharp]] = True
-    areas = np.where(near[faces].any(axis=1), _BESIDE, 1.0) * mesh.areas
-    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _ABOUT)
+    areas = np.where(near[faces].any(axis=1), _CREASE_WEIGHT, 1.0) * mesh.areas
+    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _TURN_CAP)
     first, following = _chains(faces.reshape(-1), count)
-    # What faces stand for: the vertices and the middles of faces.
+    # The samples: vertices, which have positions only, and the centres of faces.
     samples = np.concatenate([points, points[faces].mean(axis=1)])
     lists = _chains(np.concatenate([first // 3, np.arange(mesh.face_count)]), mesh.face_count)
     wanted = np.concatenate([np.zeros((count, 3)), normals])
     weights = np.concatenate([np.zeros(count), areas])
     away, along = allowed
     most = np.concatenate([np.where(near, along, away), away[faces].min(axis=1)]) ** 2
+    triangles = points[faces]
+    # No point of a face is farther from its middle than its farthest corner.
+    radii = np.linalg.norm(triangles - samples[count:, None], axis=2).max(axis=1)
+    near_enough = _COVER_FACTOR * along[faces].max(axis=1)
+    reach = np.column_stack([radii + near_enough, near_enough]) ** 2
     sums = np.column_stack([normals, off]) * areas[:, None]
     quadrics = np.zeros((count, 4, 4))
     _add_planes(points, faces, normals, areas * _share(mesh, held | sharp), held, quadrics)
-    # A corner between the same creases, and before it one between the same held edges.
+    # The sector of each corner between held edges in the high bits, between creases too in the low.
     sources = _sectors(mesh.twins, held) << 32 | _sectors(mesh.twins, held | sharp)
     alive = np.ones(mesh.face_count, dtype=bool)
     state = (points, home, faces, first, following, alive, held, _lines_at(faces, held, count),
-             sources, quadrics, samples, wanted, weights, most, *lists, sums)  # fmt: skip
+             sources, quadrics, samples, wanted, weights, most, triangles, mesh.normals, reach,
+             *lists, sums)  # fmt: skip
     changed, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     tried = np.full(faces.size, -1)
     found = np.empty((len(samples), 2), dtype=np.int32)
     left, done = mesh.face_count, 1
     while done:
         done = _collapse(*state, changed, tried, seen, found, max(left // 8, 64),
-                         _AREA * turn**2)  # fmt: skip
+                         _TURN_AREA * turn**2)  # fmt: skip
         left -= 2 * done
         ask(1.0 - left / mesh.face_count)
     kept = np.flatnonzero(alive)
@@ -316,10 +333,10 @@ def _dissolved(
 
 
 def _allowed(mesh: TriangleMesh, tolerance: float) -> tuple[Floats, Floats]:
-    # How far each vertex may lie from the new faces, away from creases and along them. The mean
-    # edge is no measure where design programs put short edges beside long ones: a quarter of it may
-    # be thicker than the part. There the shortest edge at the vertex counts, if that is less, and
-    # no remesh has cut corners.
+    # The tolerance of each vertex, away from creases and along them. The mean edge length is no
+    # measure where design programs put short edges beside long ones: a quarter of it may be thicker
+    # than the part. There the shortest edge at the vertex is the unit, if that is less, and
+    # tolerances along creases are the same, because no remesh has cut corners.
     ends = mesh.faces, mesh.faces[:, (1, 2, 0)]
     lengths = np.linalg.norm(mesh.scaled_vertices[ends[0]] - mesh.scaled_vertices[ends[1]], axis=2)
     shortest, remeshed = np.ones(mesh.vertex_count), np.ones(mesh.vertex_count)
@@ -327,28 +344,28 @@ def _allowed(mesh: TriangleMesh, tolerance: float) -> tuple[Floats, Floats]:
         np.minimum.at(shortest, each, lengths)
     np.minimum.at(remeshed, mesh.faces, possible_noise(mesh, remeshed=True)[:, None])
     away = tolerance * shortest ** (1.0 - remeshed)
-    return away, away * (1.0 + (_CUT - 1.0) * remeshed)
+    return away, away * (1.0 + (_CREASE_FACTOR - 1.0) * remeshed)
 
 
 def _share(mesh: TriangleMesh, held: Bools) -> Floats:
-    # How much the planes of faces count: little where lines leave them hardly any area.
+    # Weights of the planes of faces: small in small areas between lines.
     here = np.flatnonzero((mesh.twins >= 0) & ~held)
     there = mesh.twins.reshape(-1)[here] // 3
     count, labels = connected_components(mesh.face_count, here // 3, there)
     areas = np.bincount(labels, mesh.areas, count)
-    shares: Floats = areas / (areas + _TINY)
+    shares: Floats = areas / (areas + _SMALL_AREA)
     return shares[labels] ** 2
 
 
 def _bends(mesh: TriangleMesh, degrees: float) -> Bools:
-    # Half-edges across which normals differ by more.
+    # Half-edges across which normals differ by more than an angle.
     other = np.where(mesh.twins >= 0, mesh.twins // 3, np.arange(mesh.face_count)[:, None])
     cosines = np.einsum("fx,fkx->fk", mesh.normals, mesh.normals[other])
     return cosines < np.cos(np.radians(degrees))
 
 
 def _smooth_normals(mesh: TriangleMesh, held: Bools) -> Floats:
-    # Of the faces, averaged over those beside them up to the lines.
+    # Averages the normal of each face with those across edges that are not held.
     normals = mesh.normals * mesh.areas[:, None]
     for _ in range(_SMOOTHING):
         smoother = np.empty_like(normals)
@@ -379,7 +396,8 @@ def _add_plane(q, n, place, weight):
 
 @kernel
 def _add_planes(points, faces, normals, areas, held, quadrics):
-    # Of each face at its corners, and through held edges, upright on their faces.
+    # Adds to each vertex the planes of its faces, and, through held edges, planes perpendicular to
+    # their faces.
     for f in range(len(faces)):
         n = normals[f, 0], normals[f, 1], normals[f, 2]
         middle = (points[faces[f, 0]] + points[faces[f, 1]] + points[faces[f, 2]]) / 3.0
@@ -407,7 +425,7 @@ def _value(q, p):
 
 @kernel
 def _least(q, p):
-    # Where the planes of a quadric meet best; p along directions in which they leave it open.
+    # The point of least quadric error; in directions that no plane determines it stays at p.
     hold = _HOLD * (q[0, 0] + q[1, 1] + q[2, 2])
     x, y, z = (
         (q[0, 0] + hold, q[0, 1], q[0, 2]),
@@ -442,8 +460,8 @@ def _distance2(p, triangle, n, height):
 
 @kernel
 def _merger(f, k, points, home, faces, held, lines, quadrics, q):
-    # For the edge (f, k): the vertex that goes, the one that it goes to, where that moves, and what
-    # this costs. -1 where none may go.
+    # For the edge (f, k): the vertex that vanishes, the one that it is merged with, the new
+    # position of that, and the cost. -1 if the edge must not collapse.
     u, v = faces[f, k], faces[f, after(k)]
     u_goes = lines[u] == 0 or (lines[u] == 2 and held[f, k])
     v_goes = lines[v] == 0 or (lines[v] == 2 and held[f, k])
@@ -459,19 +477,19 @@ def _merger(f, k, points, home, faces, held, lines, quadrics, q):
         p = _least(q, b)
         e = p[0] - home[u, 0], p[1] - home[u, 1], p[2] - home[u, 2]
         d = p[0] - home[v, 0], p[1] - home[v, 1], p[2] - home[v, 2]
-        if dot(d, d) > _REACH * _REACH:
-            if dot(e, e) > _REACH * _REACH:
+        if dot(d, d) > _MOST_MOVE * _MOST_MOVE:
+            if dot(e, e) > _MOST_MOVE * _MOST_MOVE:
                 p = b
             else:
                 u, v, a, b = v, u, b, a
     e = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-    return u, v, p, max(_value(q, p), 0.0) + _SHORT * dot(e, e)
+    return u, v, p, max(_value(q, p), 0.0) + _LENGTH_COST * dot(e, e)
 
 
 @kernel
 def _is_linked(u, v, faces, first, following, seen, tick):
-    # Whether u may go to v without two sheets touching: their only common neighbours are the tips
-    # of the faces at their edge.
+    # The link condition: u may be merged with v if their only common neighbours are the tips of the
+    # faces at their edge. Otherwise two sheets would touch.
     dying, of_u, of_v, common = 0, 0, 0, 0
     c = first[u]
     while c >= 0:
@@ -491,13 +509,13 @@ def _is_linked(u, v, faces, first, following, seen, tick):
                 seen[w] = 0
         of_v += 1
         c = following[c]
-    # A solid needs four corners.
+    # A tetrahedron must not collapse.
     return common == dying <= 2 and not (dying == 2 and of_u == 3 and of_v == 3)
 
 
 @kernel
 def _drop_dead(v, first, following, alive):
-    # Drops the corners of faces that have gone from the list of a vertex.
+    # Removes the corners of vanished faces from the list of a vertex.
     before, c = -1, first[v]
     while c >= 0:
         if alive[c // 3]:
@@ -530,8 +548,9 @@ def _shape(a, b, c):
 
 @kernel
 def _fan(u, v, p, points, faces, sums, first, following, fan, corners, new):
-    # The faces around an edge once it is at p, those that vanish last; returns how many stay and
-    # how many there are, -1 if some would turn over or become needles.
+    # Lists the faces around an edge that collapses to p, vanishing ones last, with their new
+    # corners and normals. Returns how many stay and how many there are in all; -1 if some would
+    # turn over or become needles.
     size, gone = 0, 0
     for w in (u, v):
         c = first[w]
@@ -543,10 +562,10 @@ def _fan(u, v, p, points, faces, sums, first, following, fan, corners, new):
                     return -1, -1
                 n, shape, area = _shape(p, points[a], points[b])
                 old_n, old_shape, old_area = _shape(points[w], points[a], points[b])
-                if shape < _SHAPE and shape <= old_shape:
+                if shape < _LEAST_SHAPE and shape <= old_shape:
                     return -1, -1
                 turned = _along(n, sums[f])
-                if turned < _UPRIGHT and (turned < _along(old_n, sums[f]) or area > old_area):
+                if turned < _LEAST_COSINE and (turned < _along(old_n, sums[f]) or area > old_area):
                     return -1, -1
                 fan[size] = f
                 for x in range(3):
@@ -567,12 +586,12 @@ def _fan(u, v, p, points, faces, sums, first, following, fan, corners, new):
 @kernel
 def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, most, first_sample,
              next_sample, found, sums, tally):  # fmt: skip
-    # Finds the new face of each sample of the old ones; returns how many there are, -1 if one lies
-    # too far from all.
+    # Finds a new face for each sample of the old ones; returns how many samples there are, -1 if
+    # one is too far from all faces.
     heights = np.empty(size)
     for i in range(size):
         heights[i] = dot(new[i], corners[i, 0])
-        # Faces that stand for nothing stay as they were meant.
+        # A face that gets no sample keeps the direction of its old normal.
         n = sums[fan[i]]
         length = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
         for x in range(3):
@@ -587,14 +606,14 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, most, first
                 i = (j + step) % size
                 n = new[i]
                 d = dot(n, samples[s]) - heights[i]
-                turned = _ACROSS * (1.0 - dot(n, wanted[s]))
+                turned = _TURN_WEIGHT * (1.0 - dot(n, wanted[s]))
                 if d * d + turned >= least and (near or d * d > most[s]):
                     continue
                 d2 = _distance2(samples[s], corners[i], n, d)
                 near |= d2 <= most[s]
                 if d2 + turned < least:
                     best, least = i, d2 + turned
-                    if near and turned < _ALIKE and d2 == d * d:
+                    if near and turned < _SIMILAR and d2 == d * d:
                         break
             if not near:
                 return -1
@@ -603,16 +622,62 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, most, first
             for x in range(3):
                 tally[best, x] += areas[s] * wanted[s, x]
             off = 2.0 * (1.0 - dot(new[best], wanted[s]))
-            tally[best, 3] += areas[s] * min(off, _ABOUT)
+            tally[best, 3] += areas[s] * min(off, _TURN_CAP)
             s = next_sample[s]
     return count
 
 
 @kernel
+def _is_near(p, face, count, vertices, triangles, normals, reach, found):
+    # Whether a point lies near one of the old faces; those whose samples a new face has come first.
+    for others in range(2):
+        for j in range(count):
+            f = found[j, 0] - vertices
+            if f < 0 or (found[j, 1] == face) == (others == 1):
+                continue
+            a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+            x = p[0] - (a[0] + b[0] + c[0]) / 3.0
+            y = p[1] - (a[1] + b[1] + c[1]) / 3.0
+            z = p[2] - (a[2] + b[2] + c[2]) / 3.0
+            if x * x + y * y + z * z <= reach[f, 0]:
+                n = normals[f, 0], normals[f, 1], normals[f, 2]
+                height = n[0] * x + n[1] * y + n[2] * z
+                if _distance2(p, triangles[f], n, height) <= reach[f, 1]:
+                    return True
+    return False
+
+
+@kernel
+def _is_covered(size, count, corners, vertices, triangles, normals, reach, found):
+    # Whether no large new face spans a gap: the middles of n x n equal triangles of each lie near
+    # the old faces.
+    for i in range(size):
+        a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
+        _, _, double = _shape(a, b, c)
+        if double < 2.0 * _LARGE_AREA:
+            continue
+        n = 2 + (double > 8.0 * _LARGE_AREA) + (double > 32.0 * _LARGE_AREA)
+        for row in range(n):
+            for column in range(2 * (n - row) - 1):
+                up = column % 2
+                x = (row + (1.0 + up) / 3.0) / n
+                y = (column // 2 + (1.0 + up) / 3.0) / n
+                z = 1.0 - x - y
+                p = (
+                    x * a[0] + y * b[0] + z * c[0],
+                    x * a[1] + y * b[1] + z * c[1],
+                    x * a[2] + y * b[2] + z * c[2],
+                )
+                if not _is_near(p, i, count, vertices, triangles, normals, reach, found):
+                    return False
+    return True
+
+
+@kernel
 def _collapse(points, home, faces, first, following, alive, held, lines, sources, quadrics,
-              samples, wanted, areas, most, first_sample, next_sample, sums, changed, tried, seen,
-              found, budget, worse):  # fmt: skip
-    # Merges up to so many vertices, the cheapest first; returns how many.
+              samples, wanted, areas, most, triangles, normals, reach, first_sample, next_sample,
+              sums, changed, tried, seen, found, budget, worse):  # fmt: skip
+    # Collapses up to `budget` edges, the cheapest first; returns how many.
     q, q2 = np.empty((4, 4)), np.empty((4, 4))
     fan, corners, new = np.empty(512, np.int32), np.empty((512, 3, 3)), np.empty((512, 3))
     tally = np.empty((512, 4))
@@ -655,6 +720,8 @@ def _collapse(points, home, faces, first, following, alive, held, lines, sources
                 change += tally[i, 3]
         if change > 0.0:
             continue
+        if not _is_covered(size, count, corners, len(home), triangles, normals, reach, found):
+            continue
         if not _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
             continue
         for x in range(3):
@@ -684,7 +751,8 @@ def _collapse(points, home, faces, first, following, alive, held, lines, sources
 
 @kernel
 def _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
-    # Moves the corners of u to v; the faces that have both vanish. False if lines would meet.
+    # Moves the corners of u to v, and removes the faces that have both. Returns False, and changes
+    # nothing, if two held edges would be merged.
     old, given = np.empty(2, np.int64), np.empty(2, np.int64)
     for again in range(2):
         for i in range(size, whole):
@@ -695,7 +763,7 @@ def _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
             ahead = faces[f, after(k)] == v
             there = after(k) if ahead else after(after(k))
             old[i - size], given[i - size] = sources[f, k], sources[f, there]
-            # Lines along either of the sides that become one.
+            # Held edges along either of the two edges that become one.
             of_u, of_v = held[f, after(after(k)) if ahead else k], held[f, after(k)]
             if again == 0 and of_u and of_v:
                 return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The noise of face normals, where there can be none, and the Beltrami kernel that smooths them."""
+"""Noise of face normals: how large it is, where it is possible, and its Beltrami smoothing."""
 
 from __future__ import annotations
 
@@ -18,47 +18,52 @@ from ..sparse.components import connected_components
 from .smoothings import average_around
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
-"""Bounds of what the normals of neighbouring faces differ by for noise."""
+"""Bounds of the noise, as a distance between unit normals of neighbouring faces."""
 
 MOLLIFIED = 10.0
-"""Normals that differ by this many times the noise hardly mollify each other: creases stay."""
+"""Standard deviation, in multiples of the noise, of the Gaussian weight in mollifying. Across a
+crease normals differ by more, so that they hardly mollify each other."""
 
 PLANE = 0.02, 0.06
-"""Degrees between neighbouring faces up to which they are in one plane, and from which they are
-not: more than single precision leaves, and far below any noise that is seen."""
+"""Ramp in degrees between the normals of neighbouring faces: below the first value they are in one
+plane, above the second they are not. This is more than the rounding of single precision, and far
+below any visible noise."""
 
 DESIGNED, UNEVEN, TILED = (0.6, 0.95), (0.35, 0.55), (0.03, 0.15)
-"""What counts, within two rings, as made by a design program, from the first number on and fully
-from the second: shares of faces with a neighbor in their plane, and deviations of the logarithm of
-lengths of edges. Not where faces are tiles, in so large a share within four rings."""
+"""Ramps by which a place counts as made by a design program, from not at all to fully: of the share
+of faces with a neighbour in their plane, and of the standard deviation of the logarithms of edge
+lengths, both within two rings. And the ramp of the share of tiles within four rings that rules it
+out."""
 
 EQUAL, MANY = 0.03, (300, 1000)
-"""Areas of tiles differ by less; and how many there are from which they count, and fully: fewer are
-a model's own."""
+"""Greatest relative difference of area between tiles; and the ramp of the number of tiles in the
+mesh from which they count: fewer may be part of the model."""
 
 FINENESS, MOST_ALIKE = 1e-3, 64
-"""Lengths that differ by less, in mean edge lengths, count as equal; and of how many faces with
-equal edges a face may be one, to be taken for a mirrored one: voxels have many."""
+"""Edges are equal if their lengths differ by less, in mean edge lengths; and the most faces with
+the same edges among which a face may count as mirrored: voxel surfaces have many more."""
 
 MIRRORED, MODELLED = (0.7, 0.9), (20_000, 100_000)
-"""Shares of faces with mirror images, within two rings, from which there is less noise, and none;
-and the number of faces up to which this has a say, and from which it has none: scans that were
-mirrored have more."""
+"""Ramp of the share of faces with mirror images, within two rings: below the first value it does
+not matter, above the second there is no noise. And the ramp of the number of faces of the mesh over
+which this rule fades out: mirrored scans have more faces."""
 
 FEW = 32, 128
-"""Faces of a connected component up to which there can be no noise, and from which there can."""
+"""Ramp of the number of faces of a connected component: up to the first it has no noise, from the
+second on it may have. The ramp is linear in the logarithm."""
 
 
 def possible_noise(mesh: TriangleMesh, remeshed: bool = False) -> Floats:
-    """Tell where faces can have noise: (m,), from 0 for none to 1.
+    """Estimate where faces may have noise: (m,), from 0 for surely none to 1.
 
     Not in the papers. Noise leaves hardly any two faces in one plane. So there is none where most
-    faces have a neighbor in their plane and edges are of many lengths. Voxels and the terraces of
-    depth cameras also lie in planes, but among tiles: faces with two neighbors in their plane that
-    are as large. And components of some dozens of faces are too small for telling noise from shape.
+    faces have a neighbour in their plane and edges have many lengths. Voxel surfaces and the
+    terraces of depth cameras also lie in planes, but consist of tiles: faces with two neighbours of
+    the same area in their plane. Components of some dozens of faces are too small to tell noise
+    from shape, so they count as free of it.
 
-    Nor is there noise where faces have mirror images in the mesh, as in models that people build in
-    halves; this does not count in meshes that are `remeshed`, where it comes by chance.
+    Nor is there noise where faces have mirror images in the mesh, as in models built by mirroring
+    one half. With `remeshed` this rule is left out, because remeshes have mirror images by chance.
     """
     told = np.empty((mesh.face_count, 4))
     run(_find_planes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas,
@@ -79,11 +84,11 @@ def possible_noise(mesh: TriangleMesh, remeshed: bool = False) -> Floats:
 
 
 def mirrored_faces(mesh: TriangleMesh) -> Floats:
-    """Tell which faces have a mirror image elsewhere: (m, 1), 0 or 1; less in large meshes.
+    """Find the faces that have a mirror image elsewhere: (m, 1), 0 or 1; less in large meshes.
 
-    In a mesh with a plane of symmetry, as many faces have the edges of a face in the same order as
-    have them in the opposite one. Squares of a grid with heights in steps also have faces alike,
-    but hardly ever as many of both.
+    In a mesh with a plane of symmetry, the edge lengths of a face occur in its own cyclic order and
+    in the opposite one in equally many faces. Height fields with steps, on square grids, also have
+    many equal faces, but hardly ever as many of both orders.
     """
     m = mesh.face_count
     weight = 1.0 - between(log(max(m, 1)), (log(MODELLED[0]), log(MODELLED[1])))
@@ -94,7 +99,7 @@ def mirrored_faces(mesh: TriangleMesh) -> Floats:
     first = lengths.argmax(axis=1)
     turned = np.take_along_axis(lengths, (first[:, None] + np.arange(3)) % 3, axis=1)
     found = np.zeros(m, dtype=bool)
-    for shift in (0.0, 0.5):  # what lies astride two steps of one lies within one of the other
+    for shift in (0.0, 0.5):  # lengths on both sides of a step are in one step of the other grid
         steps = np.minimum(turned / FINENESS + shift, 2.0**20).astype(np.int64)
         own = (steps[:, 0] << 42) + (steps[:, 1] << 21) + steps[:, 2]
         other = (steps[:, 0] << 42) + (steps[:, 2] << 21) + steps[:, 1]
@@ -108,20 +113,20 @@ def mirrored_faces(mesh: TriangleMesh) -> Floats:
 
 
 def _spread(mesh: TriangleMesh, values: Floats) -> Floats:
-    # Means over the faces around each face's vertices, large or small.
+    # Averages over the faces around each face's vertices, without area weights.
     return average_to_faces(mesh, average_around(mesh, values).astype(np.float64))
 
 
 def between(values: Floats | float, ends: tuple[float, float]) -> Floats:
-    """Rise evenly from 0 at the first end to 1 at the second."""
+    """Return a linear ramp from 0 at the first end to 1 at the second."""
     return np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
 
 
 def noise_of_normals(mesh: TriangleMesh) -> float:
-    """Measure how much the normals of neighbouring faces differ where the surface is calm.
+    """Measure the noise: the distance between unit normals of neighbouring faces in smooth areas.
 
-    It is the lower quartile over all edges: creases and relief have little say. Bounds keep a clean
-    mesh from being all noise, and a right angle from being any.
+    It is the lower quartile over all edges, which creases and relief hardly affect. Bounds keep the
+    tiny turns of a clean mesh from counting as features, and right angles from counting as noise.
     """
     steps = _steps_of(mesh, mesh.normals)
     if not len(steps):
@@ -130,7 +135,7 @@ def noise_of_normals(mesh: TriangleMesh) -> float:
 
 
 def _steps_of(mesh: TriangleMesh, normals: Floats) -> Floats:
-    # How far normals are apart, edge by edge.
+    # The distance between the normals at each edge.
     steps = np.empty(3 * mesh.face_count)
     run(_normal_steps, mesh.face_count, mesh.twins, mesh.areas, normals, steps)
     return steps[steps >= 0]
@@ -139,7 +144,7 @@ def _steps_of(mesh: TriangleMesh, normals: Floats) -> Floats:
 def smoothed_normals(
     mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: float
 ) -> Floats:
-    """Smooth the normals of the faces, `noise` being what `noise_of_normals` says: (m, 3)."""
+    """Smooth face normals by the Beltrami kernel; `noise` is from `noise_of_normals`: (m, 3)."""
     with aside("Denoising"):
         centres = average_to_faces(mesh, mesh.scaled_vertices)
     normals, beta = mesh.normals, settings.beta / noise
@@ -168,7 +173,7 @@ def _mean(mesh: TriangleMesh, normals: Floats, guide: Floats, spread: float) -> 
 
 @kernel
 def _normal_steps(start, stop, twins, areas, normals, steps):
-    # How far the normals across each edge are apart; -1 for borders and the second half-edge.
+    # The distance between the normals at each edge; -1 at borders and for the second half-edge.
     for f in range(start, stop):
         for k in range(3):
             g = twins[f, k] // 3
@@ -182,8 +187,8 @@ def _normal_steps(start, stop, twins, areas, normals, steps):
 
 @kernel
 def _find_planes(start, stop, places, faces, twins, areas, normals, ends, equal, told):
-    # How far a neighbor is in the plane of each face; whether it is a tile; the mean logarithm of
-    # its edges' lengths, and the mean square.
+    # For each face: how surely a neighbour is in its plane; whether it is a tile; the mean of the
+    # logarithms of its edge lengths, and of their squares.
     for f in range(start, stop):
         least, alike = 4.0, 0
         told[f, 2] = told[f, 3] = 0.0
@@ -207,8 +212,9 @@ def _find_planes(start, stop, places, faces, twins, areas, normals, ends, equal,
 
 @kernel
 def _average(start, stop, faces, corner_start, corners, areas, normals, guide, spread, out):
-    # Means over the faces that share a vertex, those of similar guides; all for zero-area faces.
-    # At a hub some stand for all. Corners are unsigned, which makes dividing them faster.
+    # Averages over the faces that share a vertex, weighted by the similarity of their guides; for
+    # faces without area, over all. At vertices of very many faces, an evenly spread sample is used.
+    # Corners are unsigned, which makes dividing them faster.
     rate = -0.5 / (spread * spread)
     for f in range(start, stop):
         gx, gy, gz = guide[f, 0], guide[f, 1], guide[f, 2]

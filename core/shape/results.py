@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a refit has come to, place by place: where it has not come nearer to its normals, it goes.
+"""Undoes a refit where it has not brought the faces nearer to their target normals.
 
-Not in the papers. Where walls are as thin as their faces, or sheets touch, there is no surface of
-these faces with the wanted normals, and half of the way there is worse than none.
+Not in the papers. Where walls are as thin as the edges of their faces, or sheets touch, these faces
+cannot form a surface with the target normals, and a refit that fails is worse than none.
 """
 
 from __future__ import annotations
@@ -21,60 +21,65 @@ from ..mesh.triangle_mesh import Floats, TriangleMesh
 from .creases import ramp
 
 _LEFT = 0.6, 1.0
-"""Share of the deviation from the wanted normals that is left around a vertex, from which it goes
-back in part, and fully: where more than 0.7 is left, made solids gain nothing in the mean."""
+"""Ramp of the deviation from the target normals around a vertex, over that before the refit: below
+the first value the vertex stays moved, above the second it goes back fully. On synthetic solids, a
+ratio above 0.7 is no gain on average."""
 
-_AROUND = 8
-"""Smoothing passes that add the deviations up."""
+_PASSES = 8
+"""Smoothing passes that average deviations and drifts over the surroundings."""
 
 _DEGREE = 1.0 - np.cos(np.radians(1.0))
-"""Deviations of that size are none."""
+"""Deviations of this size, 1 degree, count as none."""
 
-_SEEN = 0.1
-"""A move in mean edge lengths that is missed, when it is taken back."""
+_REPORTED_MOVE = 0.1
+"""Moves by more than this, in mean edge lengths, are reported if they are undone."""
 
 _THIN, _FAR = 2.0, 3.0
-"""Mean edge lengths between two sides of a thin wall; so far they are looked for."""
+"""Thickness below which a wall is thin, and up to which it is measured, in mean edge lengths."""
 
 _TOUCHING = 0.1
-"""Edge lengths below which no finer mesh parts the two sides."""
+"""Thickness, in mean edge lengths, below which even a finer remesh would not separate the sides."""
 
-_BESIDE = 1.5
-"""The square of how far beside a vertex the other side may lie."""
+_LATERAL_SQUARE = 1.5
+"""Greatest square of the lateral distance at which a vertex counts as the other side of a wall, in
+squared mean edge lengths."""
 
 _DRIFT = 0.02
-"""Of what vertices around go along their normals in the mean, in edges: less is no drift."""
+"""Mean move of the surroundings along the normal, in mean edge lengths, up to which there is no
+drift."""
 
-_APART = 3.0, 4.0
-"""Mean edge lengths between two sides from which drifting matters less, and not at all."""
+_DISTANCE_RAMP = 3.0, 4.0
+"""Ramp of the distance between two sides, in mean edge lengths: below the first value their drift
+matters fully, above the second not at all."""
 
-_NARROWED = 0.04, 0.12
-"""Share of the way between two sides that drifting would take away, from which it is taken back in
-part, and fully: creases that close do not move what lies between them."""
+_NARROWING_RAMP = 0.04, 0.12
+"""Ramp of the share of that distance by which drift would reduce it: below the first value drift
+stays, above the second it is undone fully. Creases that close cause no drift."""
 
 
 def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[Floats, Floats]:
-    """Take a displacement back where faces have hardly come nearer to their normals.
+    """Undo a displacement where it hardly brings faces nearer to their target normals.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Before.
+        The mesh before the displacement.
     targets : (m, 3) float64
-        The normals that its faces should have.
+        Target normals of its faces.
     moved : (n, 3) float64
         The displacement, in the unit of `mesh.vertices`.
 
     Returns
     -------
     moved : (n, 3) float64
+        The displacement that is left.
     lost : (n,) float64
         How far each vertex went back, in mean edge lengths.
     """
     off = np.empty((mesh.face_count, 2))
     run(_measure, mesh.face_count, mesh.scaled_vertices, moved, mesh.faces, mesh.normals, targets,
         1.0 / mesh.mean_edge_length, off)  # fmt: skip
-    off = smooth_vertices(mesh, average_to_vertices(mesh, off), _AROUND)
+    off = smooth_vertices(mesh, average_to_vertices(mesh, off), _PASSES)
     back = ramp(off[:, 1] / (off[:, 0] + _DEGREE), _LEFT)
     if not back.any():
         return moved, back
@@ -84,8 +89,8 @@ def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[F
 
 
 def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
-    """Say how many places went back, and what helps."""
-    places = np.flatnonzero(lost > _SEEN)
+    """Report in how many places the refit was undone, and what helps."""
+    places = np.flatnonzero(lost > _REPORTED_MOVE)
     if len(places) == 0:
         return
     thickness = _thickness(mesh, places)
@@ -105,7 +110,7 @@ def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
 
 
 def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:
-    # How many places they make: those within two edges of each other are one.
+    # The number of places that vertices form: those within about two edges belong to one place.
     if len(vertices) == 0:
         return 0
     chosen = np.zeros(mesh.vertex_count, dtype=np.uint8)
@@ -123,19 +128,19 @@ def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:
 def without_drift(
     mesh: TriangleMesh, moved: Floats, fixed: npt.NDArray[np.bool_] | None = None
 ) -> Floats:
-    """Take back how far the sides of thin walls, or of narrow gaps, have moved towards each other.
+    """Undo drift: moves of the two sides of a thin wall, or of a narrow gap, towards each other.
 
-    A refit knows normals alone: they let sheets whose borders turn sink into each other, or into
-    what lies between. What vertices go in the mean around is no crease that closes.
+    A refit only sees normals, so sheets whose borders turn may sink into each other. Drift is the
+    mean move of the surroundings along the normal; a crease that closes causes none.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Before.
+        The mesh before the displacement.
     moved : (n, 3) float64
         The displacement, in the unit of `mesh.vertices`.
     fixed : (n,) bool, optional
-        Vertices that stay.
+        Vertices whose displacement must not change.
 
     Returns
     -------
@@ -145,15 +150,15 @@ def without_drift(
     normals = average_to_vertices(mesh, mesh.normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     along = np.einsum("vx,vx->v", moved, normals) / mesh.mean_edge_length
-    drift = smooth_vertices(mesh, along.reshape(-1, 1), _AROUND)[:, 0]
+    drift = smooth_vertices(mesh, along.reshape(-1, 1), _PASSES)[:, 0]
     places = np.flatnonzero(np.abs(drift) > _DRIFT)
     if len(places) == 0:
         return moved
     toward = normals[places] * np.sign(drift[places])[:, None]
-    between = _other_sides(mesh, normals, places, toward, _APART[1])
+    between = _other_sides(mesh, normals, places, toward, _DISTANCE_RAMP[1])
     narrowed = 2.0 * np.abs(drift[places]) / np.maximum(between, 1e-12)
     share = np.zeros(mesh.vertex_count)
-    share[places] = ramp(narrowed, _NARROWED) * (1.0 - ramp(between, _APART))
+    share[places] = ramp(narrowed, _NARROWING_RAMP) * (1.0 - ramp(between, _DISTANCE_RAMP))
     share = smooth_vertices(mesh, share.reshape(-1, 1), 2)[:, 0]
     if fixed is not None:
         share[fixed] = 0.0
@@ -161,8 +166,8 @@ def without_drift(
 
 
 def _thickness(mesh: TriangleMesh, places: npt.NDArray[np.intp]) -> Floats:
-    # Distance to what faces the other way and lies behind or before a vertex, in edges; at most
-    # _FAR.
+    # The distance of vertices to the opposite side of the surface, behind or before them, in mean
+    # edge lengths; at most _FAR.
     return _other_sides(mesh, average_to_vertices(mesh, mesh.normals), places, None, _FAR)
 
 
@@ -170,7 +175,8 @@ def _other_sides(
     mesh: TriangleMesh, normals: Floats, places: npt.NDArray[np.intp], toward: Floats | None,
     far: float,
 ) -> Floats:  # fmt: skip
-    # Distances along the normals to what faces the other way, in edges; towards one side, if given.
+    # Distances along the normals to parts of the surface that face the other way, in mean edge
+    # lengths; only in the directions `toward`, if given.
     points = mesh.scaled_vertices
     _, nearest = nearest_point(point_tree(points[places]), points, far)
     near = np.flatnonzero(nearest >= 0).astype(np.int32)
@@ -196,14 +202,15 @@ def _find_other_sides(start, stop, places, points, normals, near, begin, around,
             along = dot(way, n) / length
             if len(ways) > 0 and dot(way, ways[i]) <= 0:
                 continue
-            if dot(way, way) - along * along < _BESIDE:
+            if dot(way, way) - along * along < _LATERAL_SQUARE:
                 least = min(least, abs(along))
         found[i] = least
 
 
 @kernel
 def _measure(start, stop, vertices, moved, faces, before, targets, unit, off):
-    # 1 - cos of the angle to the wanted normal, times the area in squared mean edge lengths.
+    # 1 - cos of the angle to the target normal, times twice the area in squared mean edge lengths:
+    # before and after the displacement.
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         u, v = edge(vertices, a, b), edge(vertices, a, c)

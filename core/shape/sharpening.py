@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of geometry: normals flow to the creases, positions follow (paper A, 4.1)."""
+"""Sharpens meshes: normals flow to the creases, and positions follow (paper A, 4.1)."""
 
 from __future__ import annotations
 
@@ -45,9 +45,10 @@ def sharpen_normals(
     Returns
     -------
     (m, 3) float64
-        Unit normals, wound as the faces that the mesh was made from; zero for faces without
-        area. Everywhere, a time of 0 returns the (mollified) normals up to rounding, except with
-        linear sampling, which always smooths; at creases normals may turn at a time of 0, too.
+        Unit normals, wound as the faces that the mesh was made from; zero for faces without area.
+        With `where` "everywhere", a time of 0 returns the (mollified) normals up to rounding,
+        except with linear sampling, which always smooths. With "creases", normals may turn even at
+        a time of 0.
 
     Raises
     ------
@@ -146,7 +147,7 @@ def sharpen_geometry(
     if settings.is_neutral:
         return mesh.vertices.copy()
     with reporting(progress):
-        # Kept for other amounts, with what was said.
+        # The result for an amount of 1 is cached for other amounts, with its findings.
         key = replace(settings, amount=1.0), weights
         moved, findings = kept(mesh, "moved", key, lambda: _displacement(mesh, *key))
         for finding in findings:
@@ -154,7 +155,7 @@ def sharpen_geometry(
         if settings.amount < 1:
             moved = settings.amount * moved
             if settings.where == "creases":
-                undone(mesh, mesh.normals, moved)  # halfway, faces may be folded that end flat
+                undone(mesh, mesh.normals, moved)  # faces may fold halfway that are flat at the end
         with phase(1.0, 1.0, "Fitting the surface"):
             return moved_vertices(mesh, moved)
 
@@ -166,13 +167,13 @@ def geometry_flow(
     *,
     progress: ProgressCallback | None = None,
 ) -> tuple[Floats, Floats]:
-    """Compute where `sharpen_geometry` will pull the normals of a mesh.
+    """Compute the flow along which `sharpen_geometry` moves the normals of a mesh.
 
     Parameters
     ----------
     mesh : TriangleMesh
     settings : GeometrySettings, optional
-        Of these, `smoothing_passes`, `mollify_passes`, `feature_threshold` and `time` count: the
+        Only `smoothing_passes`, `mollify_passes`, `feature_threshold` and `time` are used. The
         longer the time, the wider the surroundings that the threshold compares with.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
@@ -180,10 +181,10 @@ def geometry_flow(
     Returns
     -------
     potential : (n,) float64
-        At the vertices: how much the surface bends, in squared radians per squared mean edge
-        length; with a feature threshold, what stands out from the surroundings of it.
+        At the vertices: the squared bending of the surface, in squared radians per squared mean
+        edge length; with a feature threshold, only what exceeds that of the surroundings.
     flow : (m, 3) float64
-        At the faces: half the potential's gradient, a tangent vector in mean edge lengths per
+        At the faces: half the gradient of the potential, a tangent vector in mean edge lengths per
         unit of time. Normals move along it, towards the creases.
 
     Raises
@@ -258,12 +259,12 @@ def _displace(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
     if settings.where == "everywhere":
         return _aligned(mesh, settings)
-    with phase(0.0, 1.0, "Finding creases"):  # the first time they are known
+    with phase(0.0, 1.0, "Finding creases"):  # for the first repeat they are cached
         return find_targets(mesh, settings).normals.copy()
 
 
 def _aligned(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
-    # Advected normals, which take sides where they have turned.
+    # Advected normals; where they have turned, each face is assigned to one side of the crease.
     normals = advected_normals(mesh, settings)
     if settings.align_passes == 0:
         return normals

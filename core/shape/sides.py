@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""To which side of a crease the slanted faces along it belong. Not in the papers.
+"""Assigns the slanted faces along a crease to one of its sides. Not in the papers.
 
 Voxel remeshing, marching cubes and smoothing turn a crease into a strip of slanted faces.
 """
@@ -16,13 +16,13 @@ from ..mesh.calculus import cosines, greatest_to_faces, greatest_to_vertices, ma
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
 _PULL = 0.3
-"""How much a face's own normal counts against the evenness of a patch, in `consistent_normals`."""
+"""Weight of the distance to a face's own normal in the cost of a patch, in `consistent_normals`."""
 
 _ROUNDING = 1e-12
-"""Costs that differ by less are the same, and rounding made the difference."""
+"""Costs that differ by less are equal up to rounding."""
 
 _MOST_FAN = 32
-"""Most faces around a vertex that are looked at; of more, evenly spread ones."""
+"""Most faces around a vertex that are used; of more, an evenly spread sample."""
 
 
 def consistent_normals(
@@ -31,11 +31,12 @@ def consistent_normals(
     zone: npt.NDArray[np.bool_],
     passes: int,
 ) -> Floats:
-    """Give each face of a zone the mean normal of the most even patch of faces around it.
+    """Give each face of a zone the mean normal of the most uniform patch of faces around it.
 
-    Kuwahara's idea for images, as guidance of normals by Zhang et al. (2015): a patch is a face and
-    all that share a vertex with it. Its cost is 1 - |sum A n| / sum A, plus 0.3 times
-    1 - (its mean normal . the face's own). A strip of slanted faces takes a side, face by face.
+    This is Kuwahara's filter for images, applied to normals as in Zhang et al. (2015). A patch is a
+    face and all that share a vertex with it. Its cost is 1 - |sum A n| / sum A, with the areas A
+    and normals n of its faces, plus 0.3 times 1 - (its mean normal . the face's own). So each face
+    of a slanted strip takes the normal of one side.
     """
     around = grown(mesh, zone)
     means, uneven = np.empty_like(normals), np.empty(len(normals))
@@ -52,7 +53,7 @@ def consistent_normals(
 
 
 def turned_zone(mesh: TriangleMesh, old: Floats, new: Floats) -> npt.NDArray[np.bool_]:
-    """Faces whose normals differ by 3 degrees and more, and those that share a vertex with them."""
+    """Return the faces whose normals differ by over 3 degrees, and their neighbours."""
     turned = cosines(old, new) < np.cos(np.radians(3.0))
     return grown(mesh, turned & (mesh.areas > 0))
 
@@ -81,7 +82,7 @@ def _patches(start, stop, faces, corner_start, corners, around, normals, areas, 
             stride = 1 + (last - first - 1) // _MOST_FAN
             for i in range(first, last, stride):
                 g = corners[i] // 3
-                # Each face once: where it shares an earlier corner it has been counted.
+                # Counts each face once: not again if it shares an earlier corner.
                 if k > 0 and _contains(faces, g, faces[f, 0]):
                     continue
                 if k > 1 and _contains(faces, g, faces[f, 1]):
@@ -101,7 +102,7 @@ def _patches(start, stop, faces, corner_start, corners, around, normals, areas, 
 
 @kernel
 def _cost(own, means, uneven, pull, f):
-    # Of taking the mean normal of the patch around face f.
+    # The cost of taking the mean normal of the patch around face f.
     return uneven[f] + pull * (1.0 - dot(own, means[f]))
 
 
@@ -112,7 +113,7 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
         if not zone[f] or (own[0] == 0 and own[1] == 0 and own[2] == 0):
             out[f] = own
             continue
-        # Of costs that only rounding tells apart a direction decides, not the order of faces.
+        # Among costs that are equal up to rounding, a direction decides, not the order of faces.
         cost = least = _cost(own, means, uneven, pull, f)
         for k in range(3):
             v = faces[f, k]

@@ -27,57 +27,61 @@ from ..mesh.calculus import cosines, cotangents_of, greatest_to_faces, greatest_
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 LOOSE = 0.05
-"""Residual of the first step's solve where others follow. A closer one would bend flat sides near
-creases, as the first step's minimum does, and the others would have to undo it."""
+"""Relative residual of the first step's solve if further steps follow. A smaller one would bend
+flat sides near creases, as the first step's minimum does, and further steps would have to undo it.
+"""
 
-_TURNING = np.radians(1.0)
-"""Faces that are to turn by more move on after the first step."""
+_LEAST_TURN = np.radians(1.0)
+"""Further steps are taken around faces that are to turn by more than this."""
 
 _RINGS = 6
-"""How far around them, in edges."""
+"""Number of rings around those faces in which vertices take further steps."""
 
 _INNER = 8
-"""Iterations of a further step's solve."""
+"""Iterations of the inner solve in a further step."""
 
-_EVENED = 6
-"""After so many steps faces are evened out, and at the end."""
+_SLIDE_EVERY = 6
+"""Number of steps between two rounds in which vertices of thin faces slide."""
 
-_ROUNDS = 8
-"""How often at the end."""
+_LAST_SLIDES = 8
+"""Rounds of sliding after the last step."""
 
 _SETTLED = 1e-2
-"""A step that moves no vertex by more than this, in mean edge lengths, is the last."""
+"""Steps end once one moves no coordinate by this much, in mean edge lengths."""
 
 _STIFF = 1000.0
-"""How much less vertices slide across the planes of their faces than along."""
+"""Stiffness against slides across the planes of a vertex's faces, relative to along them."""
 
-_KEPT_SHAPE = 0.1, 0.5
-"""Shapes, relative to the input's, below which vertices slide fully, and above which not at all."""
+_SHAPE_RAMP = 0.1, 0.5
+"""Ramp of a face's shape (see `_shapes`) over that of the input: below the first value its vertices
+slide fully, above the second not at all."""
 
-_SLIDE = 0.5
-"""How much of the way to the mean of its neighbours a vertex slides in a step."""
+_SLIDE_SHARE = 0.5
+"""Share of the way to the mean of its neighbours that a vertex slides in a round."""
 
-_HEIGHT, _LOWER = 0.05, 0.8
-"""Height of turned faces, relative to their longest edge, and how much less in each next round."""
+_HEIGHT, _HEIGHT_FACTOR = 0.05, 0.8
+"""Least height that a turned-over face is given, relative to its longest edge, and the factor of
+that in each further round."""
 
 _SLIDES, _RETREATS, _RETURNS = 20, 80, 8
-"""Rounds in which turned faces get a height; in which their vertices go back; go back fully."""
+"""Rounds in which turned-over faces are given a height, in which their vertices go back in part,
+and in which they go back fully."""
 
 _RETREAT = 0.97
-"""What is left of a move in each round in which vertices go back."""
+"""Factor of a displacement in each round in which vertices go back in part."""
 
 _FOLD = np.cos(np.radians(150.0))
-"""Cosine of the angle over an edge, below which its faces are folded onto each other."""
+"""Cosine of the angle between the normals at an edge below which its faces are folded."""
 
-_ALIKE = 1e-9
-"""Relative difference of squared lengths that rounding may make."""
+_EQUAL_LENGTHS = 1e-9
+"""Squared lengths are equal if their relative difference is less: it may be rounding."""
 
 _CHUNK = 8192
-"""Rows that one sum runs over, so that its rounding is the same on any number of cores."""
+"""Number of rows per partial sum; fixed, so that sums are rounded alike on any number of cores."""
 
 
 class _Piece(NamedTuple):
-    # What of a mesh moves on, and the rim around it, which stays; numbered on its own.
+    # The part of a mesh that takes further steps, and a fixed rim around it, with own indices.
     vertices: Floats
     faces: Ints
     corners: tuple[Ints, Ints]
@@ -97,12 +101,12 @@ def further_steps(
     moved: Floats,
     steps: int,
 ) -> Floats:
-    """Go on from the first step of a refit, by preconditioned conjugate gradients.
+    """Continue a refit after its first step, by preconditioned conjugate gradients.
 
-    The matrix of the first step is the preconditioner, solved roughly (so the flexible variant, of
-    Polak and Ribiere). Now and then faces that become thin or turn over are evened out: their
-    vertices slide along the planes of their faces, so along the crease at a crease, and stay at
-    corners. What lies far from all faces that turn has come to rest after the first step.
+    The preconditioner is the matrix of the first step, solved inexactly, hence the flexible variant
+    of Polak and Ribiere. Between steps, vertices of thin or turned-over faces slide along the
+    planes of their faces: along a crease on creases, and not at all at corners. Vertices far from
+    all faces that turn are final after the first step.
 
     Parameters
     ----------
@@ -112,11 +116,11 @@ def further_steps(
     normals : (m, 3) float64
         Target normals.
     near : (n,) uint8
-        The vertices that move on, as `near_turns` returns them; some do.
+        1 at the vertices that take further steps, from `near_turns`; not all 0.
     moved : (n, 3) float64
         The displacement of the first step, in mean edge lengths.
     steps : int
-        Steps in all.
+        Number of steps, including the first.
 
     Returns
     -------
@@ -134,15 +138,15 @@ def further_steps(
 
 
 def near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
-    """Return 1 at the vertices around faces that turn by enough for further steps: (n,)."""
-    turned = (cosines(mesh.normals, normals) < np.cos(_TURNING)) & (mesh.areas > 0)
+    """Return 1 at vertices near faces that turn, which take further steps, else 0: (n,)."""
+    turned = (cosines(mesh.normals, normals) < np.cos(_LEAST_TURN)) & (mesh.areas > 0)
     return dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), _RINGS)
 
 
 def _cut_out(
     mesh: TriangleMesh, system: LinearSystem, normals: Floats, near: npt.NDArray[np.uint8]
 ) -> tuple[Ints, _Piece]:
-    # The numbers of a piece's vertices in the mesh, and the piece.
+    # Returns the indices in the mesh of the piece's vertices, and the piece.
     taken = greatest_to_faces(mesh, near)
     chosen = np.flatnonzero(taken)
     index = np.flatnonzero(greatest_to_vertices(mesh, taken)).astype(np.int32)
@@ -179,11 +183,11 @@ def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
             farthest = _of_chunks(_go, direction, length, change, moved, residual).max()
             if farthest < _SETTLED:
                 break
-            if iteration % _EVENED == 0:
+            if iteration % _SLIDE_EVERY == 0:
                 moved = _evened(piece, moved, 1)
                 residual = _downhill(piece, piece.vertices, moved)
                 product = np.inf
-    return _evened(piece, moved, _ROUNDS)
+    return _evened(piece, moved, _LAST_SLIDES)
 
 
 def _downhill(piece: _Piece, vertices: Floats, moved: Floats) -> Floats:
@@ -207,14 +211,14 @@ def _evened(piece: _Piece, moved: Floats, rounds: int) -> Floats:
         sliding = np.flatnonzero(needs)
         moved[vertices[sliding]] += slides[sliding]
         ask()
-        # What lies farther has the shape that it had.
+        # Faces farther away have not changed.
         faces = faces_around(piece.corners, vertices[sliding])
         vertices = distinct(piece.faces[faces], len(moved))
     return moved
 
 
 def _of_chunks(function: Callable[..., None], *arguments: Any) -> Floats:
-    # What a kernel finds in each chunk of the rows of its arrays.
+    # Returns what a kernel computes for each chunk of rows.
     count = len(arguments[0])
     found = np.zeros(-(-count // _CHUNK))
     run(function, count, *arguments, found, chunk=_CHUNK)
@@ -226,9 +230,9 @@ def _sum(function: Callable[..., None], *arguments: Any) -> float:
 
 
 def _without_turned(piece: _Piece, moved: Floats) -> Floats:
-    # Vertices around faces that have turned over slide on; those of faces that stay so, and were
-    # not so before, go back, a little each time and at last all of their way. Faces that are
-    # folded but not turned are left to `unfold`: heights would move them too far.
+    # First, turned-over faces are given a height. Vertices of faces that stay turned over, and were
+    # not so before, then go back, at first in part and at last fully. Faces that are folded but not
+    # turned over are left to `unfold`: a height would move them too far.
     fixed, around = piece.system.fixed, np.arange(len(piece.faces))
     least = np.minimum(_row_dots(_unit_normals(piece.vertices[piece.faces]), piece.normals), 0.0)
     ask()
@@ -242,10 +246,10 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
         if len(bad) == 0:
             break
         if attempt == rounds:
-            tell("Faces that stay turned over: {count}.", count=len(bad))
+            tell("Faces that stay flipped: {count}.", count=len(bad))
             break
         if attempt < _SLIDES:
-            _give_height(piece, moved, bad, _HEIGHT * _LOWER**attempt)
+            _give_height(piece, moved, bad, _HEIGHT * _HEIGHT_FACTOR**attempt)
         else:
             corners = distinct(piece.faces[bad], len(moved))
             left = _RETREAT if attempt < _SLIDES + _RETREATS else 0.0
@@ -255,7 +259,7 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
 
 
 def unfold(mesh: TriangleMesh, moved: Floats) -> None:
-    """Take moves back, in place and bit by bit, where faces were folded onto each other.
+    """Undo a displacement, in place and in small steps, where it folds faces onto each other.
 
     Parameters
     ----------
@@ -283,15 +287,15 @@ def unfold(mesh: TriangleMesh, moved: Floats) -> None:
 def _give_height(piece: _Piece, moved: Floats, chosen: npt.NDArray[Any], least: float) -> None:
     """Move the corner opposite the longest edge to the right side of it, in the target's plane.
 
-    Its height is then `least` of that edge or more. A corner of several faces moves by their mean.
-    Of edges of one length the corner decides that lies farthest along a direction, so that the
-    order of corners does not matter.
+    The height of the face is then at least `least` times that edge. A corner of several faces moves
+    by the mean of their moves. Among edges of equal length, the one whose opposite corner lies
+    farthest along a fixed direction is taken, so that the order of corners does not matter.
     """
     faces, normals = piece.faces[chosen], piece.normals[chosen]
     x = piece.vertices[faces] + moved[faces]
     edges = np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
     squares = np.einsum("fkx,fkx->fk", edges, edges)
-    longest = squares >= (1.0 - _ALIKE) * squares.max(axis=1, keepdims=True)
+    longest = squares >= (1.0 - _EQUAL_LENGTHS) * squares.max(axis=1, keepdims=True)
     along = np.where(longest, x @ np.array(TIE_BREAKER), -np.inf)
     rows = np.arange(len(x)), along.argmax(axis=1)
     length = np.linalg.norm(edges[rows], axis=1)
@@ -326,7 +330,7 @@ def _dot(start, stop, one, other, sums):
 
 @kernel
 def _next_direction(start, stop, step, residual, direction, beta, sums):
-    # The next search direction from the last one; sums up step times residual.
+    # Updates the search direction, and sums up step times residual.
     total = 0.0
     for v in range(start, stop):
         total += dot(step[v], residual[v])
@@ -337,7 +341,7 @@ def _next_direction(start, stop, step, residual, direction, beta, sums):
 
 @kernel
 def _go(start, stop, direction, length, change, moved, residual, farthest):
-    # Finds how far a coordinate goes at most.
+    # Moves along the search direction; finds the largest change of a coordinate.
     most = 0.0
     for v in range(start, stop):
         for x in range(3):
@@ -365,7 +369,7 @@ def _flux(start, stop, vertices, moved, faces, halves, normals, flux):
 
 @kernel
 def _pull(start, stop, corner_start, corners, fixed, screen, moved, normals, flux, rhs):
-    # Minus half the gradient of the energy at the vertices.
+    # Minus half the gradient of the energy, at the vertices.
     for v in range(start, stop):
         if fixed[v]:
             rhs[v] = 0.0
@@ -400,7 +404,7 @@ def _normal(vertices, moved, faces, f):
 
 @kernel
 def _find_folds(start, stop, chosen, vertices, moved, faces, twins, before, folded):
-    # Which faces are folded onto one across an edge, and were not before.
+    # Finds faces that are folded onto a neighbour, and were not before.
     for i in range(start, stop):
         f = chosen[i]
         folded[i] = False
@@ -416,7 +420,7 @@ def _find_folds(start, stop, chosen, vertices, moved, faces, twins, before, fold
 
 @kernel
 def _shapes(start, stop, chosen, vertices, moved, faces, normals, shapes):
-    # Twice the area, with the sign of N, over the sum of squared edges: at most 0.29.
+    # Twice the area, signed by the normal N, over the sum of squared edges: at most 0.29.
     for i in range(start, stop):
         f = chosen[i]
         a = _corner(vertices, moved, faces[f, 0])
@@ -447,7 +451,7 @@ def _even_out(
     slides,
     needs,
 ):
-    # Slides v towards the mean of its neighbours, where a face around it has lost its shape.
+    # Slides vertices of faces that have lost their shape towards the mean of their neighbours.
     for j in range(start, stop):
         v, needs[j] = chosen[j], 0.0
         if fixed[v]:
@@ -457,7 +461,7 @@ def _even_out(
             f = corners[i] // 3
             if before[f] > 0:
                 worst = min(worst, now[f] / before[f])
-        need = min(max((_KEPT_SHAPE[1] - worst) / (_KEPT_SHAPE[1] - _KEPT_SHAPE[0]), 0.0), 1.0)
+        need = min(max((_SHAPE_RAMP[1] - worst) / (_SHAPE_RAMP[1] - _SHAPE_RAMP[0]), 0.0), 1.0)
         needs[j] = need
         if need == 0:
             continue
@@ -488,7 +492,7 @@ def _even_out(
         xx, yy, zz = 1.0 + s * xx, 1.0 + s * yy, 1.0 + s * zz
         xy, xz, yz = s * xy, s * xz, s * yz
         p, q, r = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-        t = _SLIDE * need / (xx * p + xy * q + xz * r)
+        t = _SLIDE_SHARE * need / (xx * p + xy * q + xz * r)
         slides[j, 0] = t * (p * x + q * y + r * z)
         slides[j, 1] = t * (q * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z)
         slides[j, 2] = t * (r * x + (xy * xz - xx * yz) * y + (xx * yy - xy * xy) * z)

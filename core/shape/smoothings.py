@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Many smoothings of the normals of faces, and what a network is told to weigh them by.
+"""Candidates for the denoised normal of each face, and the features by which a network weighs them.
 
 Not in the papers. No filter is best for all noise: those that keep creases keep terraces too, and
-those that level wide bumps level relief. So all are tried: plain means, means of similar normals,
-means guided by the most even patches, and the normals of the mesh after umbrella passes over its
-vertices, which faces that turned over do not spoil. A network sees how far all pairs of them are
-apart, and means of such measures around the face, at three sizes. Angles cannot tell noise from
-relief, but how far smoothing moves the surface over the length of its edges can.
+those that flatten wide bumps flatten relief. So the normals are smoothed in many ways: by plain
+means, by means of similar normals, by means guided by the most uniform patches, and by umbrella
+smoothing of the vertices, which copes with turned-over faces. The features are the distances
+between all pairs of candidates, and means of such distances around the face, at three scales.
+Angles alone cannot tell noise from relief; the height of what smoothing removes, relative to the
+edge length, can.
 """
 
 from __future__ import annotations
@@ -30,101 +31,109 @@ from ..mixture.choice import logarithm, pair_count, tell_pairs
 from ..mixture.network import Singles, digest
 
 FIRST, NEXT = 21, 12
-"""Number of smoothings in the first stage, and in those that follow."""
+"""Number of candidates in the first stage, and in later stages."""
 
 _PLAIN, _NEXT_PLAIN = (1, 3, 8, 20), (1, 4, 10)
-"""Passes of plain means."""
+"""Numbers of passes of the plain mean, each of which gives a candidate: first and later stages."""
 
 GIVEN = 1 + len(_NEXT_PLAIN)
-"""Index of the normals that the mesh came with, among the smoothings of later stages."""
+"""Index of the input mesh's normals among the candidates of later stages."""
 
 _ALIKE, _NEXT_ALIKE = ((0.2, (3, 10)), (0.4, (3, 8))), ((0.12, (2, 8)), (0.3, (4, 12)))
-"""How far apart similar normals are, which count by exp(-1/2), and passes."""
+"""Means of similar normals: the standard deviation of the Gaussian weight, as a distance between
+unit normals, and the numbers of passes."""
 
 _BY_MEANS = 0.25, 8
-"""The same among faces whose plain means are alike."""
+"""The same, with the plain means after 3 passes as guide in place of the normals themselves."""
 
-_GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _EACH = 0.3, 0.2, (4, 12), 4
-"""The same among faces whose most even patches are alike, which are found again after some."""
+_GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _PATCH_INTERVAL = 0.3, 0.2, (4, 12), 4
+"""Means guided by the most uniform patches: standard deviations in the first and in later stages,
+numbers of passes, and after how many passes the patches are found again."""
 
 _UMBRELLA = 1, 2, 4, 8, 24, 60
-"""Umbrella passes over the vertices."""
+"""Numbers of umbrella passes over the vertices."""
 
-_OF_ONE, _OF_TWO = (0.2, (3, 10)), 0.25
-"""Means of similar normals after one such pass, and guided ones after two."""
+_ALIKE_AFTER_ONE, _GUIDED_AFTER_TWO = (0.2, (3, 10)), 0.25
+"""Candidates that combine both: means of similar normals after one umbrella pass, as in `_ALIKE`,
+and guided means after two, as `_GUIDED`."""
 
 _BANDS = (0, 2), (2, 8), (8, 24), (24, 60)
-"""Heights that the passes between take off."""
+"""Pairs of numbers of umbrella passes: the height that the passes between them remove is a
+feature."""
 
 _CHANGES = ((0, 1), (1, 2), (2, 3), (3, 4), (0, 6), (6, 8), (8, 4), (10, 11), (11, 8), (9, 0),
             (0, 12), (12, 13), (13, 14), (16, 18), (14, 19), (19, 20))  # fmt: skip
 _NEXT_CHANGES = (0, 1), (1, 2), (0, 4), (0, 5), (0, 7), (7, 9), (10, 11)
-"""Smoothings whose distances are averaged around a face."""
+"""Pairs of candidates, by index, whose distances are averaged around a face."""
 
-_LEVEL = 0.02, 0.1
-"""Distances of normals across edges up to which these look alike."""
+_SIMILAR = 0.02, 0.1
+"""Distances d0 between unit normals: neighbours at distance d count as similar by
+exp(-(d / d0)^2)."""
 
 _NEAR, _WIDE, _CELLS = 3, 20, 12.0
-"""Passes over which measures are averaged; and the size of cells in mean edge lengths."""
+"""The three scales of the features: averaging passes for the near and the wide one, and the size of
+grid cells, in mean edge lengths, for the one of the region."""
 
-_FACE_MEASURES = len(_LEVEL) + 4
+_FACE_MEASURES = len(_SIMILAR) + 4
 _AROUND, _NEXT_AROUND = len(_CHANGES) + _FACE_MEASURES + len(_BANDS), len(_NEXT_CHANGES)
 
 TOLD = pair_count(FIRST) + 3 * _AROUND
 NEXT_TOLD = pair_count(NEXT) + 3 * (_AROUND + _NEXT_AROUND)
-"""Numbers that the networks are told of a face."""
+"""Number of features of a face: first stage, and later stages."""
 
 DEFINITION = digest("smoothings 1", repr((_PLAIN, _NEXT_PLAIN, _ALIKE, _NEXT_ALIKE, _BY_MEANS,
-    _GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _EACH, _UMBRELLA, _OF_ONE, _OF_TWO, _BANDS, _CHANGES,
-    _NEXT_CHANGES, _LEVEL, _NEAR, _WIDE, _CELLS)))  # fmt: skip
-"""Changes with what the numbers mean; count the first word up when the code changes them."""
+    _GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _PATCH_INTERVAL, _UMBRELLA, _ALIKE_AFTER_ONE,
+    _GUIDED_AFTER_TWO, _BANDS, _CHANGES, _NEXT_CHANGES, _SIMILAR, _NEAR, _WIDE,
+    _CELLS)))  # fmt: skip
+"""Digest of what the features mean. When a change of the code changes them, raise the number in the
+first text."""
 
 _MOST_AROUND = 60
-"""Most faces around one that count."""
+"""Most faces around a face that are averaged."""
 
 _SHRUNK = 1e-9
-"""Of a mesh that has shrunk to this share of its area, the shape before is kept."""
+"""Umbrella passes that shrink the mesh to this share of its area have no effect."""
 
 _PULL, _ROUNDING = np.float32(0.3), np.float32(1e-6)
-"""As in `sides`, in single precision."""
+"""As in `sides`, but in single precision."""
 
-_BUMP_PASSES, _BY_WIDTH, _FURTHER = 2.0, 1.5, 2.0
-"""Averaging passes for bumps one mean edge length wide; the power of the width with which they
-grow, less than the square, as more relief is as wide; and how many times more follow where there is
-none."""
+_BUMP_PASSES, _WIDTH_POWER, _FURTHER_FACTOR = 2.0, 1.5, 2.0
+"""Averaging passes for bumps of width w, in mean edge lengths, are the first number times w to the
+power of the second. Diffusion would need the power 2, but would remove more relief. Then as many
+passes follow times the third; they count where there is no relief."""
 
 _BUMP_SPREAD = 0.35
-"""How far apart the most even patches are that count by exp(-1/2)."""
+"""Standard deviation of the guided mean's Gaussian weight, as a distance between unit normals."""
 
-_LEFT = 0.1
-"""Of the squared turns that the first passes make of bumps, what the further ones make."""
+_LEFTOVER = 0.1
+"""On bumps, the squared turn by the further passes, over that by the first ones."""
 
 _BUMP_REGION = 4.0
-"""The size of cells in which such squares are averaged, over the width of bumps."""
+"""Size of the grid cells in which squared turns are averaged, over the width of bumps."""
 
-_PASSES_OF_CREASES, _CRISP = 4, 0.15
-"""Passes that round creases or make them crisp; and how far apart the most even patches are that
-count by exp(-1/2) for crisp ones."""
+_PASSES_OF_CREASES, _CRISP_SPREAD = 4, 0.15
+"""Passes that round or sharpen creases; and, to sharpen, the standard deviation of the guided
+mean's Gaussian weight."""
 
 _MESSAGE = "Denoising"
 
 
 class Smoothings(NamedTuple):
-    """Smoothed normals of faces, and what lies around.
+    """Smoothed normals of the faces, and the features around them.
 
     Attributes
     ----------
     normals : (m, k, 3) float32
-        The first are those that the stage begins with.
+        k candidates for each face. The first one is the normal that the stage starts from.
     around : (n, c) float32
-        Logarithms of measures, of the vertices.
+        Features of the vertices: logarithms of averaged measures.
     """
 
     normals: Singles
     around: Singles
 
     def told(self, mesh: TriangleMesh, rows: npt.NDArray[np.integer]) -> tuple[Singles, Singles]:
-        """Return the smoothed normals of some faces, and what the network is told of them."""
+        """Return the candidates of some faces, and their features."""
         normals = self.normals[rows]
         first = pair_count(normals.shape[1])
         told = np.empty((len(rows), first + self.around.shape[1]), dtype=np.float32)
@@ -134,7 +143,7 @@ class Smoothings(NamedTuple):
 
 
 def first_smoothings(mesh: TriangleMesh) -> Smoothings:
-    """Smooth the normals of a mesh in all ways of the first stage."""
+    """Compute the candidates and features of the first stage."""
     found = np.empty((mesh.face_count, FIRST, 3), dtype=np.float32)
     with phase(0.0, 0.1, _MESSAGE):
         faces = _Faces(mesh)
@@ -155,8 +164,8 @@ def first_smoothings(mesh: TriangleMesh) -> Smoothings:
         one, two, four, eight, most = (next(states) for _ in range(5))
         for each in (one, two, four):
             into.keep(each)
-        faces.alike(one, *_OF_ONE, into)
-        faces.guided(two, _OF_TWO, into)
+        faces.alike(one, *_ALIKE_AFTER_ONE, into)
+        faces.guided(two, _GUIDED_AFTER_TWO, into)
         into.keep(eight)
         into.keep(most)
         next(states)
@@ -164,25 +173,25 @@ def first_smoothings(mesh: TriangleMesh) -> Smoothings:
         signal = np.empty((mesh.face_count, len(_CHANGES) + _FACE_MEASURES), dtype=np.float32)
         run(_measure_changes, mesh.face_count, found, np.array(_CHANGES), signal)
         run(_measure_faces, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, field,
-            np.array(_LEVEL), signal[:, len(_CHANGES) :])  # fmt: skip
+            np.array(_SIMILAR), signal[:, len(_CHANGES) :])  # fmt: skip
         return Smoothings(found, _around(mesh, signal, heights))
 
 
 def next_smoothings(
     mesh: TriangleMesh, original: TriangleMesh, normals: Floats, around: Singles
 ) -> Smoothings:
-    """Smooth normals further.
+    """Compute the candidates and features of a later stage.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        After it was fitted to `normals`.
+        The mesh after the fit to `normals`.
     original : TriangleMesh
-        Before.
+        The mesh before all stages.
     normals : (m, 3) float64
-        Unit vectors.
+        Unit vectors that the stage before has found.
     around : (n, c) float32
-        What lay around in the first stage.
+        Features of the first stage.
     """
     found = np.empty((mesh.face_count, NEXT, 3), dtype=np.float32)
     faces, into = _Faces(mesh), _Kept(found)
@@ -209,35 +218,36 @@ def next_smoothings(
 
 
 def without_bumps(mesh: TriangleMesh, width: float) -> Floats:
-    """Smooth normals so that bumps up to a width, in mean edge lengths, go and creases stay.
+    """Remove bumps up to a width, in mean edge lengths, from the normals, but keep creases.
 
-    The normals are averaged as far as the bumps are wide, guided by the most even patches, and then
-    farther. Bumps of that width leave a known share of themselves to the further passes. Where
-    these change more, they take relief: so much of it is kept as a Wiener filter keeps.
+    The normals are averaged over the width of the bumps, guided by the most uniform patches, and
+    then by further passes. For bumps of that width, these passes change a known share of what the
+    first ones changed. Where they change more, they remove relief: then the result of the first
+    passes is mixed in, by the weight of a Wiener filter.
     """
-    passes = _BUMP_PASSES * width**_BY_WIDTH
+    passes = _BUMP_PASSES * width**_WIDTH_POWER
     faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
-    with phase(0.0, 1.0 / (1.0 + _FURTHER), _MESSAGE):
+    with phase(0.0, 1.0 / (1.0 + _FURTHER_FACTOR), _MESSAGE):
         near = faces.levelled(field, _BUMP_SPREAD, passes)
-    with phase(1.0 / (1.0 + _FURTHER), 1.0, _MESSAGE):
-        far = faces.levelled(near, _BUMP_SPREAD, _FURTHER * passes)
+    with phase(1.0 / (1.0 + _FURTHER_FACTOR), 1.0, _MESSAGE):
+        far = faces.levelled(near, _BUMP_SPREAD, _FURTHER_FACTOR * passes)
     turns = np.stack([_squares(field, near), _squares(near, far)], axis=1)
     first, further = _regional(mesh, turns, _BUMP_REGION * max(width, 1.0)).T
-    relief = np.maximum(1.0 - _LEFT * first / np.maximum(further, 1e-12), 0.0)
+    relief = np.maximum(1.0 - _LEFTOVER * first / np.maximum(further, 1e-12), 0.0)
     return _between(far, near, relief[:, None])[:, :3].astype(np.float64)
 
 
 def with_creases(mesh: TriangleMesh, normals: Floats, keep: float) -> Floats:
-    """Round the creases of normals, for `keep` below 0.5, or make them crisp above it: (m, 3)."""
+    """Round creases of the normals, for `keep` below 0.5, or sharpen them, above 0.5: (m, 3)."""
     faces, field = _Faces(mesh), _field(mesh, mesh.scaled_vertices)
     field[:, :3] = normals
     guide = None if keep < 0.5 else faces.even(field)
-    other = _averaged(faces, field, guide, _CRISP, _PASSES_OF_CREASES)
+    other = _averaged(faces, field, guide, _CRISP_SPREAD, _PASSES_OF_CREASES)
     return _between(field, other, abs(2.0 * keep - 1.0))[:, :3].astype(np.float64)
 
 
 def average_around(mesh: TriangleMesh, values: npt.NDArray[np.floating]) -> Singles:
-    """Means of the values of the faces around each vertex, large or small: (m, d) -> (n, d)."""
+    """Average face values around each vertex, without area weights: (m, d) -> (n, d)."""
     out = np.empty((mesh.vertex_count, values.shape[1]), dtype=np.float32)
     singles = values.astype(np.float32, copy=False)
     run(_average_to_vertices, mesh.vertex_count, *mesh.corners, singles, out)
@@ -247,7 +257,7 @@ def average_around(mesh: TriangleMesh, values: npt.NDArray[np.floating]) -> Sing
 def _averaged(
     faces: _Faces, field: Singles, guide: Singles | None, spread: float, passes: float
 ) -> Singles:
-    # The last pass may be a part of one, so that numbers of passes lead to results without jumps.
+    # The number of passes may be fractional, so that the result depends on it continuously.
     whole = floor(passes)
     for _ in range(whole):
         ask()
@@ -269,7 +279,7 @@ def _squares(one: Singles, other: Singles) -> Singles:
 
 
 def _regional(mesh: TriangleMesh, signal: Singles, size: float) -> Floats:
-    # Means of values of faces over cells of a size in mean edge lengths.
+    # Averages face values over grid cells; their size is in mean edge lengths.
     values = average_around(mesh, signal)
     used = np.flatnonzero(np.diff(mesh.corners[0]) > 0)
     out = np.zeros(values.shape)
@@ -279,7 +289,7 @@ def _regional(mesh: TriangleMesh, signal: Singles, size: float) -> Floats:
 
 
 class _Kept:
-    # Puts smoothings into their places, one after the other.
+    # Stores the candidates in turn.
 
     def __init__(self, found: Singles) -> None:
         self._found, self._next = found, 0
@@ -291,10 +301,10 @@ class _Kept:
 
 
 class _Faces:
-    """The faces that share a vertex with each face, to average over.
+    """Averages over the faces that share a vertex with each face.
 
-    A field of faces, (m, 4) float32, holds unit vectors and areas, side by side in memory. Places
-    are unsigned, as numba asks of others at each access whether they count from the end.
+    A field, (m, 4) float32, holds the normal and the area of each face, side by side in memory.
+    Indices are unsigned, because numba checks signed ones at each access for negative values.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -331,23 +341,23 @@ class _Faces:
         done = 0
         while done < _GUIDED_PASSES[-1]:
             guide = self.even(field)
-            for _ in range(_EACH):
+            for _ in range(_PATCH_INTERVAL):
                 field = self.mean(field, guide, spread)
-            done += _EACH
+            done += _PATCH_INTERVAL
             if done in _GUIDED_PASSES:
                 into.keep(field)
 
     def levelled(self, field: Singles, spread: float, passes: float) -> Singles:
-        """Average a field as in `guided`, by any number of passes."""
+        """Average a field as `guided` does, by any number of passes, also a fractional one."""
         done = 0
         while done < passes:
-            left = min(passes - done, _EACH)
+            left = min(passes - done, _PATCH_INTERVAL)
             field = _averaged(self, field, self.even(field), spread, left)
-            done += _EACH
+            done += _PATCH_INTERVAL
         return field
 
     def mean(self, field: Singles, guide: Singles | None, spread: float) -> Singles:
-        """Average a field; with a guide, among faces where it is alike within the spread."""
+        """Average a field once; with a guide, by a Gaussian weight of the guide's distances."""
         out = np.empty_like(field)
         if guide is None:
             run(_average, len(field), self.start, self.around, field, out)
@@ -357,7 +367,7 @@ class _Faces:
         return out
 
     def even(self, field: Singles) -> Singles:
-        """Find the mean normals of the most even patches around: guides."""
+        """Find, as guide of each face, the mean normal of the most uniform patch around it."""
         patches, out = np.empty_like(field), np.empty_like(field)
         run(_average_patches, len(field), self.start, self.around, field, patches)
         run(_choose_patches, len(field), self.start, self.around, field, patches, out)
@@ -365,14 +375,14 @@ class _Faces:
 
 
 def _field(mesh: TriangleMesh, places: Floats) -> Singles:
-    """Return normals and areas of the faces of a mesh whose vertices are at some places."""
+    """Return the normals and areas of the faces for given vertex positions."""
     field = np.empty((mesh.face_count, 4), dtype=np.float32)
     run(_measure_field, mesh.face_count, places, mesh.faces, field)
     return field
 
 
 def _umbrella_states(mesh: TriangleMesh, heights: Singles) -> Iterator[Singles]:
-    # Yields the fields after `_UMBRELLA` passes, and measures the heights of `_BANDS`.
+    # Yields the field after each number of `_UMBRELLA` passes; fills in the heights of `_BANDS`.
     start, ring = mesh.neighbours
     lengths = np.empty(mesh.vertex_count)
     run(_measure_lengths, mesh.vertex_count, mesh.scaled_vertices, start, ring, lengths)
@@ -396,7 +406,8 @@ def _umbrella_states(mesh: TriangleMesh, heights: Singles) -> Iterator[Singles]:
 
 
 def _around(mesh: TriangleMesh, signal: Singles, more: Singles) -> Singles:
-    # Logarithms of measures of faces, and of more of vertices: near by, in the region, and between.
+    # Averages measures of faces, and more of vertices, at three scales, as logarithms: near, in the
+    # region, and in between.
     first, count = signal.shape[1], signal.shape[1] + more.shape[1]
     values = np.empty((mesh.vertex_count, count), dtype=np.float32)
     run(_average_to_vertices, mesh.vertex_count, *mesh.corners, signal, values)
@@ -446,7 +457,7 @@ def _put(start, stop, field, place, found):
 
 @kernel
 def _find_around(start, stop, faces, corner_start, corners, begin, around, count):
-    # Counts the faces around, or puts them into their places if there are any.
+    # Lists the faces around each face; with an empty `around`, only counts them.
     for f in range(start, stop):
         found = 0
         for k in range(3):
@@ -498,7 +509,7 @@ def _average(start, stop, begin, around, field, out):
 
 @kernel
 def _average_alike(start, stop, begin, around, field, guide, rate, out):
-    # Means of those of similar guides; (1 + x / 16)^16 stands for exp(x).
+    # Weights by the similarity of guides; (1 + x / 16)^16 approximates exp(x).
     for f in range(start, stop):
         gx, gy, gz = guide[f, 0], guide[f, 1], guide[f, 2]
         w = max(field[f, 3], np.float32(1e-6))
@@ -520,7 +531,7 @@ def _average_alike(start, stop, begin, around, field, guide, rate, out):
 
 @kernel
 def _average_patches(start, stop, begin, around, field, patches):
-    # The mean normal of a face and those around, and in place of the area how uneven they are.
+    # The mean normal of a face and those around it; in place of the area, how much these differ.
     for f in range(start, stop):
         w = field[f, 3]
         x, y, z, total = w * field[f, 0], w * field[f, 1], w * field[f, 2], w
@@ -545,7 +556,7 @@ def _cost(own, patch):
 
 @kernel
 def _choose_patches(start, stop, begin, around, field, patches, out):
-    # Of costs that only rounding tells apart a direction decides, not the order of faces.
+    # Among costs that are equal up to rounding, a fixed direction decides, not the order of faces.
     costs = np.empty(_MOST_AROUND, np.float32)
     for f in range(start, stop):
         own, first = field[f], begin[f]
@@ -590,7 +601,7 @@ def _measure_lengths(start, stop, places, ring_start, ring, lengths):
 def _measure_heights(
     start, stop, corner_start, corners, upper, lower, field, lengths, column, heights
 ):
-    # How far passes moved a vertex along its normal, over the length of its edges, squared.
+    # The squared ratio of how far the passes moved a vertex along its normal to its edge length.
     for v in range(start, stop):
         a = b = c = 0.0
         for i in range(corner_start[v], corner_start[v + 1]):
@@ -617,8 +628,8 @@ def _measure_changes(start, stop, normals, pairs, signal):
 
 @kernel
 def _measure_faces(start, stop, places, faces, twins, field, level, signal):
-    # How many normals across edges are alike, and how far they turn there: terraces are level, with
-    # rare big steps. Then how uneven, how long and how thin the faces are.
+    # The share of neighbours with similar normals, and the mean squared turn to them: terraces are
+    # flat with rare large steps. Then differences in size, edge length, and thinness.
     for f in range(start, stop):
         for i in range(len(level)):
             signal[f, i] = 0.0
@@ -660,7 +671,7 @@ def _average_to_vertices(start, stop, corner_start, corners, signal, values):
 
 @kernel
 def _average_ring(start, stop, ring_start, ring, values, out):
-    # A third of the own value, the rest from the neighbours.
+    # One third of a vertex's own value plus two thirds of its neighbours' mean.
     for v in range(start, stop):
         count = ring_start[v + 1] - ring_start[v]
         row = out[v]

@@ -22,7 +22,7 @@ class Factors(NamedTuple):
     ----------
     start : (n + 1,) int32
     below : (k,) uint32
-        Rows of the entries of L, ascending within the columns. Without a sign they are quicker.
+        Rows of the entries of L, ascending within the columns; unsigned, which is faster.
     values : (k,) float64
     diagonal : (n,) float64
         D: all above 0 if and only if the matrix is positive definite, up to rounding.
@@ -57,7 +57,7 @@ def factored(matrix: Sparse) -> tuple[Factors, Ints]:
     place = np.empty(count, dtype=np.int32)
     place[order] = np.arange(count, dtype=np.int32)
     start = running_totals(np.concatenate([[0], counts]))
-    # Zeros, as an entry of the upper half whose mirror image is rounded to 0 leaves a gap.
+    # Zeros, because an entry of the upper half whose mirror image is rounded to 0 leaves a gap.
     factors = Factors(
         start, np.zeros(start[-1], dtype=np.uint32), np.zeros(start[-1]), np.empty(count)
     )

@@ -227,7 +227,7 @@ def _ascend(matrix: Sparse) -> bool:
 def _by_rows(
     shape: tuple[int, int], most: Callable[[int, int], int], fill: Any, *given: Any
 ) -> Sparse:
-    # A matrix that `fill` makes by blocks of rows, with at most so many entries in each.
+    # A matrix that `fill` makes by blocks of rows, with a limited number of entries in each.
     counts = np.zeros(shape[0] + 1, dtype=np.int64)
     found: dict[int, tuple[Ints, npt.NDArray[np.floating]]] = {}
     precision = given[2].dtype

@@ -3,9 +3,9 @@
 
 Approximate minimum degree (Amestoy, Davis and Duff 1996). Eliminated unknowns are *elements*: each
 stands for couplings among all unknowns on its list, which is also a column of the factor. An
-unknown keeps the elements that it is on, and those of its neighbors that no element couples it
-with. Its degree is bounded from above by adding up what each element has outside the newest one.
-Unknowns are not merged, as blocks along seams have few that are alike.
+unknown keeps the elements that it is on, and those neighbors with which no element couples it. Its
+degree is bounded from above by the sum of what each element has outside the newest one. Unknowns
+are not merged, because blocks along seams have few equivalent ones.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..base.progress import ask
 from .matrix import Ints, Sparse, absolute, added, couplings_of, transposed
 
 _AT_ONCE = 1 << 10
-"""Unknowns that are eliminated between two questions."""
+"""Number of unknowns that are eliminated between two checks for cancelling."""
 
 
 class Ordering(NamedTuple):
@@ -140,7 +140,7 @@ def _hang_in(start, stop, graph):
 
 @kernel
 def _hang(degrees, heads, after, before, i):
-    # At the front: what has just changed is eliminated next, which keeps to one place.
+    # At the front: unknowns that have just changed are eliminated next, which keeps memory local.
     head = heads[degrees[i]]
     after[i] = head
     before[i] = -1
@@ -220,7 +220,7 @@ def _measure_outside(graph, pivot, number, listed):
 
 @kernel
 def _update(graph, pivot, number, most, listed):
-    # Lists and degrees of the unknowns on the newest element, which replaces what it covers.
+    # Lists and degrees of the unknowns on the newest element, which replaces those it covers.
     lists, starts, elements, lengths = graph.lists, graph.start, graph.elements, graph.lengths
     absorbed, outside, marks, degrees = graph.absorbed, graph.outside, graph.marks, graph.degrees
     heads, after, before = graph.heads, graph.after, graph.before

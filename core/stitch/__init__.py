@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stitching: several pictures of a surface, or charts that differ, become one texture.
+"""Stitching: merges several pictures of a surface, or charts that differ, into one texture.
 
 May use `texture` and the rooms below it.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether charts and pictures differ by factors, as in another light, or by offsets."""
+"""Estimates whether charts or pictures differ by factors, as in another light, or by offsets."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ..elements.matrices import TextureSpace
 
 _Single = npt.NDArray[np.float32]
 
-_ALIKE = 0.2
-"""How much counts what remains when all channels have one offset, or one factor."""
+_COMMON_WEIGHT = 0.2
+"""Weight of the residual with one offset, or one factor, for all channels."""
 
-_DOUBT = 1.05, 1.1
-"""Up to how many times more than offsets factors may leave to be taken, as they are more usual, and
-from where offsets are."""
+_RESIDUAL_RAMP = 1.05, 1.1
+"""Ramp of the residual by factors over that by offsets: up to the first value factors are taken,
+because they are more usual, from the second on offsets."""
 
 _EXACT = 1e-4
-"""Share of the floor up to which what offsets leave is rounding."""
+"""Residuals by offsets up to this share of the floor are rounding."""
 
 
 def share_of_factors(
@@ -34,16 +34,16 @@ def share_of_factors(
 ) -> float:
     """Measure whether factors explain both sides of seams, or two pictures, better than offsets.
 
-    What remains is compared in units of the values, beside the floor, so that rounding does not
-    decide.
+    The residuals of both are compared in units of the values, plus the floor, so that rounding does
+    not decide.
 
     Parameters
     ----------
     space : TextureSpace
     values : sequence of (n, c) float32
-        Of each picture, at nodes.
+        Values of each picture at the nodes.
     corners : sequence of (v, c) float64
-        At the corners of the pieces, as their own chart shows them; NaN where nothing is known.
+        Values at the corners of the pieces, as their own chart shows them; NaN where unknown.
     known : sequence of (n,) bool
     floor : float
         Added before logarithms are taken.
@@ -51,27 +51,27 @@ def share_of_factors(
     Returns
     -------
     float
-        1 if factors do, 0 if offsets do, or where nothing differs and where there are neither seams
-        nor places that two pictures know.
+        1 for factors, 0 for offsets; 0 also if there are no differences, or neither seams nor
+        places that are known in two pictures.
     """
     by_offsets = by_factors = rounding = 0.0
     for one, other, group in (*_at_seams(space, corners), *_of_pictures(values, known)):
         a, b = np.maximum(one, 0.0) + floor, np.maximum(other, 0.0) + floor
         channels = [(a[:, k], b[:, k], group) for k in range(a.shape[1])]
         alike = a.T.reshape(-1), b.T.reshape(-1), np.tile(group, a.shape[1])
-        for pairs, weight in (*((each, 1.0) for each in channels), (alike, _ALIKE)):
+        for pairs, weight in (*((each, 1.0) for each in channels), (alike, _COMMON_WEIGHT)):
             left = _unexplained(*pairs)
             by_offsets += weight * left[0]
             by_factors += weight * left[1]
-        rounding += (1.0 + _ALIKE) * floor * a.size
+        rounding += (1.0 + _COMMON_WEIGHT) * floor * a.size
     if not by_offsets > _EXACT * rounding:
         return 0.0
     times = (by_factors + rounding) / (by_offsets + rounding)
-    return min(max((_DOUBT[1] - times) / (_DOUBT[1] - _DOUBT[0]), 0.0), 1.0)
+    return min(max((_RESIDUAL_RAMP[1] - times) / (_RESIDUAL_RAMP[1] - _RESIDUAL_RAMP[0]), 0.0), 1.0)
 
 
 def _unexplained(a: Floats, b: Floats, group: npt.NDArray[np.intp]) -> tuple[float, float]:
-    # What remains when each group has an offset of its own, and a factor.
+    # The sums of absolute residuals with an offset for each group, and with a factor for each.
     offset = _medians(b - a, np.ones_like(a), group)
     root = np.exp(0.5 * _medians(np.log(b / a), np.sqrt(a * b), group))
     return float(np.abs(b - a - offset).sum()), float(np.abs(b / root - a * root).sum())
@@ -81,7 +81,7 @@ _Pairs = tuple[Floats, Floats, npt.NDArray[np.intp]]
 
 
 def _at_seams(space: TextureSpace, corners: Sequence[Floats]) -> Iterator[_Pairs]:
-    # Values of both sides, and a number for each pair of charts and pictures.
+    # Values of both sides, and an index of the pair of charts and pictures.
     pieces, charts = space.cut_cells.pieces, space.atlas.charts
     chart = np.repeat(charts.labels[pieces.faces], np.diff(pieces.start)).astype(np.int64)
     count = len(charts.boxes)
@@ -114,7 +114,7 @@ def _of_pictures(
 
 
 def _medians(values: Floats, weights: Floats, group: npt.NDArray[np.intp]) -> Floats:
-    # Of the group of each value; a few places where nothing fits do not count.
+    # The weighted median of the group of each value, which ignores a few outliers.
     order = np.lexsort((values, group))
     values, weights, group = values[order], weights[order], group[order]
     sums = np.cumsum(weights)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steps at seams, and what of them stands out from the detail beside them. Not in the papers.
+"""Steps at seams, and the part of them that stands out from the detail beside them.
 
-On each side of a seam the values that its own chart shows there are extrapolated, and fine detail
-is extrapolated badly: an even texture seems to have a step that changes from texel to texel. A step
-that a picture really has, by its light or color, goes on along the seam, or is larger than the
-detail. And one material in two lights has the same detail on both sides, where two materials meet
-has not; where there is no detail, lights seldom differ as much in tint as materials do.
+Not in the papers. On each side of a seam, the values of its chart are extrapolated to the seam.
+Fine detail is extrapolated badly, so that a texture without steps seems to have one that changes
+from texel to texel. A real step, by light or color, continues along the seam or is larger than the
+detail. If one material is seen in two lights, both sides have the same detail; if two materials
+meet, they do not. Without detail, lights seldom differ as much in tint as materials do.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from ..elements.surface_values import corner_values
 from ..mixture.cells import MeansAround
 
 _WIDE, _NEAR = 40.0, 6.0
-"""Sizes of the cells over which steps are averaged along a seam, in texels: to see what goes on,
-and how large the rest is."""
+"""Sizes of the cells, in texels, over which steps are averaged along a seam: for the lasting part,
+and for the size of the rest."""
 
 _INDEPENDENT = 8.0, 40.0
-"""Of so many values at a seam one is independent of the others; and at most so many count."""
+"""Number of values at a seam per independent one; and the largest number of independent ones."""
 
 _LONG = 160.0
-"""Size of the cells in which the detail of both sides is compared."""
+"""Size of the cells, in texels, in which the detail of both sides is compared."""
 
 _FAINT = 0.04
-"""Share of the contrast of all seams below which detail tells nothing."""
+"""Contrast of detail, relative to that of all seams, that counts as chance."""
 
-_AGREES = 0.6, 0.95
-"""Shares of the detail that agrees: up to the first one both sides are different materials, and
-from the second one on the same."""
+_AGREEMENT_RAMP = 0.6, 0.95
+"""Ramp of the share of detail that agrees: up to the first value both sides are different
+materials, from the second on the same."""
 
 _TINT, _LIGHT = 0.8, 1.3
-"""Differences of the logarithms of both sides, among channels and of their mean, up to which a step
-without detail is taken for light: factors of 0.6 to 1.35 differ by 0.8, colors of a palette by
-1 to 2 in tint."""
+"""Differences of the logarithms of both sides, between channels and of their mean, at which a step
+without detail is as likely to be of light as of materials. Lights of factors 0.6 to 1.35 differ by
+0.8, colors of a palette by 1 to 2 in tint."""
 
 _DARK = 0.04
 """Share of the mean value that is added before logarithms are taken."""
@@ -52,22 +52,22 @@ def clear_steps(
     rough: npt.NDArray[np.float32],
     same_material: bool,
 ) -> Floats:
-    """Take steps at seams away that do not stand out from the detail beside them.
+    """Remove, from values at seams, the steps that do not stand out from the detail beside them.
 
-    A step is the sum of its average along the seam and of the rest. With s the square of either,
-    relative to that which the detail explains, s / (1 + s) of the average is kept, and
-    s^2 / (1 + s^2) of the rest. The squared second differences are what detail explains; for an
-    average they are divided by the number of independent values.
+    A step is the sum of its average along the seam and the rest. Let s be the square of either,
+    divided by the squared step that the detail explains: s / (1 + s) of the average is kept, and
+    s^2 / (1 + s^2) of the rest. The detail explains its squared second differences; for the
+    average, these are divided by the number of independent values.
 
     Parameters
     ----------
     space : TextureSpace
     corners : (v, c) float64
-        At the corners of the pieces, as their own chart shows them; NaN where nothing is known.
+        Values at the corners of the pieces, as their own chart shows them; NaN where unknown.
     rough : (rows, columns) float32
-        Squared second differences at nodes, as `roughness` has them; NaN where nothing is known.
+        Squared second differences at nodes, from `roughness`; NaN where unknown.
     same_material : bool
-        Take steps away, too, where both sides do not have the same detail.
+        Keep steps only where both sides have the same detail.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def clear_steps(
     if len(seam) == 0:
         return corners
     steps = (shown - _means(number, shown)[number])[seam]
-    # Of a mean of k sides with independent errors: their sum over k^2.
+    # The squared error of the mean of k sides, whose errors are independent: their sum / k^2.
     error = _means(number, _means(index, errors[at, None]))[number][seam] / seen[seam, None]
     places = pieces.places[at[first[seam]]]
     group = _groups(number[seam], side[seam])
@@ -119,14 +119,15 @@ def _clear(steps: Floats, error: Floats, places: Floats, group: npt.NDArray[np.i
 def _same_material(
     shown: Floats, other: Floats, error: Floats, places: Floats, group: npt.NDArray[np.intp]
 ) -> Floats:
-    # How far the detail of both sides along the seam agrees, up to an offset and a factor: from 0
-    # to 1. Seams with little detail are judged as all are; where no side has any, the step decides.
+    # How well the detail of both sides along the seam agrees, up to an offset and a factor: from 0
+    # to 1. Seams with little detail are judged by all seams; without detail, the step decides.
     both = np.column_stack([shown, other])
     near = _averaged(np.column_stack([both, error]), places, group, _NEAR)
     wide = _averaged(both, places, group, _LONG)
     one, two = np.split(near[:, :-1] - wide, 2, axis=1)
     independent = np.clip(np.bincount(group)[group] / _INDEPENDENT[0], 1.0, _NEAR)
-    # Of the error half, as second differences hold detail that both sides may share.
+    # `error` is half the squared error of a side, because the second differences it is measured by
+    # contain detail that both sides may share.
     chance = near[:, -1] / independent + _FAINT**2 * both.var(axis=0).sum()
     light = chance * _looks_like_light(*np.split(wide, 2, axis=1))
     products = [(one * two).sum(axis=1), (one**2).sum(axis=1), (two**2).sum(axis=1)]
@@ -138,11 +139,13 @@ def _same_material(
     own = np.maximum(total - common - chance, 0.0) + (chance - light)
     agreeing = np.maximum(common, 0.0) + light
     share = agreeing / (own + agreeing + _NOTHING)
-    return np.clip((share - _AGREES[0]) / (_AGREES[1] - _AGREES[0]), 0.0, 1.0)[:, None]
+    return np.clip(
+        (share - _AGREEMENT_RAMP[0]) / (_AGREEMENT_RAMP[1] - _AGREEMENT_RAMP[0]), 0.0, 1.0
+    )[:, None]
 
 
 def _looks_like_light(one: Floats, two: Floats) -> Floats:
-    # Whether two plain sides could be one color in two lights, from 0 to 1.
+    # How likely two plain sides are one color in two lights, from 0 to 1.
     dark = _DARK * np.abs(np.concatenate([one, two])).mean() + _NOTHING
     apart = np.log(np.maximum(one, 0.0) + dark) - np.log(np.maximum(two, 0.0) + dark)
     light = apart.mean(axis=1)
@@ -152,7 +155,7 @@ def _looks_like_light(one: Floats, two: Floats) -> Floats:
 
 
 def _averaged(values: Floats, places: Floats, group: npt.NDArray[np.intp], size: float) -> Floats:
-    # Along the seam between two charts, from which others are far in a third direction.
+    # Averages along the seam between two charts; other seams are moved away in a third dimension.
     apart = np.column_stack([places, 4.0 * size * group])
     return MeansAround(apart, values, size).at(np.arange(len(places)))
 
@@ -163,7 +166,7 @@ def _standing_out(square: Floats, explained: Floats, power: int) -> Floats:
 
 
 def _groups(point: npt.NDArray[np.intp], side: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
-    # A number for each chart and the charts that it meets there: points of a seam have the same.
+    # A label for each chart and the charts that it meets at a point: the same all along a seam.
     others = np.bincount(point, np.sqrt(side + 2.0))[point]
     keys = np.column_stack([side, np.round(others, 6)])
     found: npt.NDArray[np.intp] = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)

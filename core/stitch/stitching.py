@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stitching of textures: several pictures of a surface become one (paper B, section 7.2)."""
+"""Stitching of textures: merges several pictures of a surface (paper B, section 7.2)."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ _TOLERANCE = 1e-4
 """Residual of the solution relative to the right-hand side."""
 
 _UNKNOWN = 1e-6
-"""Screening of unknown texels, which have no value; this keeps the matrix definite."""
+"""Screening of unknown texels, which have no value, to keep the matrix definite."""
 
 _FLOOR = 0.01
-"""Share of the mean value that is added before logarithms are taken, as 0 has none."""
+"""Share of the mean value that is added before logarithms are taken, for values of 0."""
 
 _HELD = 1e6
 """Screening of texels that must not change, relative to that of others."""
@@ -133,12 +133,12 @@ def stitch_textures(
     side of an image has the values of its own chart, extrapolated linearly. For equal images, the
     result differs from them by rounding, but for steps where confidences end.
 
-    Not in the paper: of a step at a seam counts what stands out from the detail beside it (see
-    `stitch.seam_steps`), so that fine textures without steps hardly change; with ``seams="auto"``
-    steps between different materials stay. And images that differ
-    by factors, as in another light, are stitched as logarithms, where factors are steps. How far
-    they differ so is seen at seams, and where two images are known: by whether one factor or one
-    offset leaves less there. Where both leave about as much, both results are mixed.
+    Not in the paper: only the part of a step at a seam that stands out from the detail beside it is
+    removed (see `stitch.seam_steps`), so that fine textures without steps hardly change; with
+    ``seams="auto"``, steps between different materials stay. Images that differ by factors, as in
+    another light, are stitched as logarithms, in which factors are steps. Whether they do is
+    measured at seams, and where two images are known, by comparing the residuals of a factor and of
+    an offset. Where both are about equal, both results are mixed.
 
     Examples
     --------
@@ -217,7 +217,8 @@ def _stitched(
     labels: npt.ArrayLike | None,
     settings: StitchSettings,
 ) -> _Single:
-    # By factors, which are offsets of logarithms, and by offsets, as far as either is likely.
+    # Mixes the results for factors, which are offsets of logarithms, and for offsets, by how likely
+    # each is.
     least, floor = _least_and_floor(sources)
     share = {"brightness": 1.0, "difference": 0.0}.get(settings.even_out)
     if settings.content != "values" or least < 0 or floor == 0:
@@ -273,7 +274,7 @@ def _share_of_factors(space: TextureSpace, sources: list[_Source], floor: np.flo
 
 
 def _least_and_floor(sources: list[_Source]) -> tuple[float, np.float32]:
-    # The least known value, and a share of the mean one.
+    # The least known value, and a share of the mean of known ones.
     least, total, count = np.inf, 0.0, 0
     for source in sources:
         known = source.values.reshape(-1, source.values.shape[2])
@@ -284,7 +285,7 @@ def _least_and_floor(sources: list[_Source]) -> tuple[float, np.float32]:
 
 
 def _logarithms(source: _Source, floor: np.float32) -> _Source:
-    # What is unknown may be below 0, and is not looked at.
+    # Unknown values may be below 0; they are not used.
     return source._replace(
         values=np.log(np.maximum(source.values, 0) + floor),
         corners=np.log(np.maximum(source.corners, 0.0) + floor),

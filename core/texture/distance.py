@@ -25,19 +25,20 @@ _TOLERANCE = 1e-4
 """Residual of the smoothed distance relative to the right-hand side."""
 
 _SHORTEST = 1e-3
-"""Smoothing over less would not be seen in single precision."""
+"""Least smoothing length; less has no effect in single precision."""
 
 _JUMP = 0.6
-"""Where lengths change by more than this over a texel, its mean metric would not do."""
+"""Relative change of lengths across a texel above which its mean metric is too inexact."""
 
 _LINES = 10
-"""Lines from the source to the farthest point, where their width is not given."""
+"""Number of lines from the source to the farthest point, if their width is not given."""
 
 _OF_SIZE, _OF_SPACING = 0.08, 0.3
-"""A mask along lines is narrower than these parts of the model's diagonal and of their spacing."""
+"""Upper limits of the width of a mask along lines, as shares of the model's diagonal and of the
+spacing of the lines."""
 
 _LEAST_TEXELS, _LEAST_EDGES = 2.0, 1.0
-"""Least automatic width of such a mask."""
+"""Least automatic width of such a mask, in texels, and in mean edge lengths without a texture."""
 
 _NO_SOURCE = (
     "No source lies on the surface; give vertices, points, edges or a painted image, or take the"
@@ -51,9 +52,9 @@ _Single = npt.NDArray[np.float32]
 
 
 class _Sources(NamedTuple):
-    # From where distance counts.
+    # The sources from which distance is measured.
     segments: Segments
-    vertices: Ints  # those that lie on a source with certainty
+    vertices: Ints  # vertices that lie exactly on a source
     image: npt.NDArray | None
     half: npt.NDArray[np.intp]  # half-edges on given edges
     are_lines: bool  # nothing but edges
@@ -247,7 +248,7 @@ def _border_of(mesh: TriangleMesh) -> npt.NDArray[np.intp]:
 
 
 def _smoothed(space: TextureSpace, values: _Single, length: float) -> _Single:
-    # The change is solved for, as in other filters.
+    # Solves for the change of values, as other filters do.
     solver = SheetSolver(space.matrix(length**-2.0))
     change = np.zeros_like(values)
     solver.solve(-space.apply_stiffness(values), change, _TOLERANCE, message="Smoothing")

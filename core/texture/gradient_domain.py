@@ -40,8 +40,8 @@ from .texels import (
 )
 
 _TOLERANCE = 1e-3
-"""Residual of the solution relative to the right-hand side; its error is far below what 8 bits
-show."""
+"""Residual of the solution relative to the right-hand side; the error is far below one 8-bit level.
+"""
 
 _LEAST_OPACITY = 1e-4
 """Weight of transparent texels, so that they get colors."""
@@ -240,7 +240,7 @@ class TextureSolver:
                 return self._written(result, weights)
 
     def _changed(self, gains: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        # The values of nodes.
+        # The filtered values of nodes.
         change, factor = self._change, 1.0
         if gains.ndim:
             shares = painted_values(self._space, (gains - np.float32(1.0))[..., None])[:, 0]

@@ -24,7 +24,7 @@ from .texels import Texture, checked_atlas, drawn
 _Single = npt.NDArray[np.float32]
 
 _DIFFUSION = 0.2097, 0.105
-"""How fast both substances diffuse at the scale `_SCALE`, in squared texels a step."""
+"""Diffusivity of both substances at the scale `_SCALE`, in squared texels per step."""
 
 _SCALE = 13.5
 
@@ -35,21 +35,21 @@ _MOST_SWEEPS = 12
 """Sweeps of smoothing beyond which multigrid takes fewer operations."""
 
 _COUNTED = 32
-"""Each so many steps, and after the first few, sweeps are counted anew."""
+"""Sweeps are counted anew after this many steps, and after 1, 2, 4, 8... steps."""
 
 _SPOT = 0.5
-"""Radius of the spots from which patterns grow, in scales."""
+"""Radius of the spots from which patterns grow, relative to the scale."""
 
 _APART = 0.9
-"""Least distance of these, in scales."""
+"""Least distance between spots, relative to the scale."""
 
 _CANDIDATES = 3.0
-"""Places among which they are chosen, in a square of that size."""
+"""Number of candidates for spots per square of that distance."""
 
 _LEAST_RATE = 0.1
 
 _LEAST = np.float32(1e-12)
-"""Less of the second substance counts as none."""
+"""Values of the second substance below this become 0."""
 
 
 @by_keyword
@@ -207,8 +207,9 @@ def _grow(space: TextureSpace, values: _Single, settings: ReactionSettings) -> N
 
 @kernel
 def _react(start, stop, feed, kill, masses_u, masses_v, values, rhs):
-    # A unit of time without diffusion; the right-hand sides are the masses times that. Diffusion is
-    # expected to add what it did in the step before, whose right-hand sides are still there.
+    # One unit of time without diffusion; the right-hand sides are the masses times the result. The
+    # initial guess adds the change by diffusion in the step before, whose right-hand sides are
+    # still in `rhs`.
     feed, loss, one = np.float32(feed), np.float32(feed + kill), np.float32(1)
     us, vs = values[0, start:stop], values[1, start:stop]
     rhs_u, rhs_v = rhs[0, start:stop], rhs[1, start:stop]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How rough a texture is: its squared second differences, texel by texel."""
+"""The roughness of a texture: squared second differences at each texel."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def roughness(texture: Texture, pixels: npt.NDArray, *, across: bool = True) -> 
     Parameters
     ----------
     texture : Texture
-        Its own pixels do not matter.
+        Its own pixels are not used.
     pixels : (h, w, c) array
     across : bool
-        Whether to look across seams that are not closed; else each chart is by itself.
+        Whether differences reach across seams that are not closed; else each chart is separate.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def roughness(texture: Texture, pixels: npt.NDArray, *, across: bool = True) -> 
 def roughness_of_values(
     atlas: TextureAtlas, values: Singles, there: npt.NDArray[np.bool_], across: bool
 ) -> Singles:
-    """As `roughness`, of the values (rows, columns, c) of the nodes and ghosts that are there."""
+    """Compute `roughness` of values (rows, columns, c) at nodes and ghosts marked by `there`."""
     sheet = atlas.sheet
     rough = np.zeros((*there.shape, 1), dtype=np.float32)
     run(_bend, len(rough), sheet.nodes, there, values, rough[..., 0], chunk=ROWS)

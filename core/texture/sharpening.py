@@ -79,9 +79,9 @@ def sharpen_texture(
     -------
     array like `image`
         Inside the charts, each value is within the range of the input near it on the surface, up
-        to rounding to single precision. Opacity is sharpened by itself; it stays where a time is
-        given, or a guide. The gutter around them is filled with the colors across the seam;
-        at closed seams, the chart's own colors are extended. A time of 0 returns the input bit for
+        to rounding to single precision. Opacity is sharpened by itself; with a time or a guide it
+        is not sharpened. The gutter around the charts is filled with the colors across the seam; at
+        closed seams, the chart's own colors are extended. A time of 0 returns the input bit for
         bit.
 
     Raises
@@ -101,8 +101,8 @@ def sharpen_texture(
     Paper A, sections 3.2, 3.3 and Appendix A, on the texels of paper B, section 3. Paper B merges
     basis functions at seams; here charts are extended by ghost texels that read across the seam.
     Besides the atlas, the image and the result, each node of the sheet needs 12 bytes, and 8 more
-    for each channel; at the default, which mixes as was learned (`core.texture.textures_learned`),
-    about 300 for three channels.
+    for each channel; the learned recipe (`core.texture.textures_learned`), which is the default,
+    needs about 300 for three channels.
 
     Examples
     --------
@@ -254,7 +254,7 @@ def _sharpened(
             domain = SheetDomain(atlas, channels, settings.sampling == "nearest", normals)
             passes = settings.smoothing_passes
             flow_for_time(domain, values, domain, values, passes, settings.time, result)
-    if has_opacity:  # what was hidden has no color to show
+    if has_opacity:  # hidden texels stay hidden, because they have no color
         opacity, sharp = values[..., texture.alpha], result[..., texture.alpha]
         sharp[opacity == 0] = 0
     mix_texels(atlas, values, settings.amount, weights, result)

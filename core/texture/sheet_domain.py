@@ -54,7 +54,7 @@ class SheetDomain(Domain):
         distance: float,
         use: Callable[[Any, Nearby], None],
     ) -> None:
-        """Hand out all nodes and ghosts at once."""
+        """Call `use` once, for all nodes and ghosts."""
         use((..., self._chosen), self._nearby(values, sigma, int(np.ceil(distance))))
 
     def _nearby(self, values: Texels, sigma: float, reach: int) -> Nearby:
@@ -98,7 +98,7 @@ class SheetDomain(Domain):
         return texel_potential(self.atlas, values, self.channels, passes, normals=self.normals)
 
     def advect(self, values: Texels, potential: Texels, times: float | Texels, out: Texels) -> None:
-        """Let the texels flow across seams."""
+        """Advect the texels, across seams."""
         flow = shock_flow(self.atlas, potential)
         advect_texels(self.atlas, values, self.channels, flow, times, out,
                       nearest=self.nearest, normals=self.normals)  # fmt: skip

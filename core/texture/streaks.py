@@ -24,19 +24,20 @@ _TOLERANCE = 3e-3
 """Residual of the solution relative to the right-hand side."""
 
 _ROUGHLY = 0.02
-"""The same for what contrast is measured with."""
+"""The same for the measurement of contrast."""
 
 _DEVIATION = 0.18
 """Standard deviation of the values at a contrast of 1."""
 
 _AROUND, _LEAST_AROUND = 10.0, 10.0
-"""Around each place contrast is measured up to so many widths, but at least so many texels."""
+"""Radius within which contrast is measured, in widths of a streak, and its least value in texels.
+"""
 
 _FAINTEST = 0.01
-"""Least square of the contrast that is raised, against the mean one."""
+"""Squared contrasts below this share of their mean are not raised further."""
 
 _LEAST_WIDTH = 0.02
-"""Narrowest streaks against their length: narrower ones cannot be solved for."""
+"""Least ratio of the width of streaks to their length; below it, the system cannot be solved."""
 
 
 @by_keyword
@@ -138,8 +139,7 @@ def _streaks(space: TextureSpace, settings: StreakSettings) -> _Single:
 
 
 def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) -> None:
-    # Streaks have little contrast if they are nearly as long as a limb. The local contrast is
-    # measured and equalized, in place.
+    # Equalizes the local contrast, in place: streaks nearly as long as a limb have little contrast.
     screen = max(_AROUND * settings.width, _LEAST_AROUND) ** -2.0
     matrix = space.matrix(screen)
     solver, masses = SheetSolver(matrix), matrix.screen[:, None]

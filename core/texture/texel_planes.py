@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Channels of a texture as planes of a sheet, whose windows reach across seams.
 
-Each step looks at the next texels only; then the ghosts around charts are read anew from beyond
-the seams. Lengths are in texels. Where the surface ends, its last texels go on.
+Filters proceed in steps of one texel; after each step, the ghosts around charts are updated from
+across the seams. Lengths are in texels. Beyond the border of the surface, its last texels are
+repeated.
 """
 
 from __future__ import annotations
@@ -41,15 +42,15 @@ from ..grid.windows import smooth, smooth_rows
 _MESSAGE = "Sharpening"
 
 _VARIANCE = 0.5
-"""The most that a pass smooths, along each axis."""
+"""Largest variance of a smoothing pass, along each axis."""
 
 _LEAST, _MOST = 1 / 4096, 4096.0
-"""Bounds on the squared area of a texel, by which its time to flow is multiplied: those of lengths
-of 1/8 and 8."""
+"""Bounds of the squared area of a texel, which is the factor of its flow time: lengths of 1/8 and
+8."""
 
 
 class Surface:
-    """What planes of one atlas share.
+    """Data of one atlas that its planes share.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ class Surface:
             with aside(_MESSAGE):
                 for plane, target in zip(planes, out, strict=True):
                     run(_smooth_rows, len(plane), plane, weights, target, chunk=_CHUNK)
-            if number > 0:  # what was given stays
+            if number > 0:  # the given planes must not change
                 spares.append(planes)
             planes = self.complete(out)
         return planes
@@ -118,18 +119,19 @@ class Surface:
 _CHUNK = 4 * ROWS
 
 _BESIDE, _FAINTEST = 10, 0.02
-"""Texels from a seam on that count fully, and the weight at a step: small charts have no others."""
+"""Distance from a seam with a step, in texels, from which weights are 1, and the weight at the
+seam. That is not 0, because small charts have no other texels."""
 
 _ORDINARY = 2.0
-"""So many times the squared second differences nearby are usual at a seam."""
+"""Squared second differences at a seam are ordinary up to this factor times those nearby."""
 
 _NEARBY = np.array([5, 4, 3, 2, 1], np.float32) / np.float32(25)
-"""Weights of texels for what is nearby."""
+"""Weights of the smoothing over texels nearby."""
 
 
 @dataclass(frozen=True)
 class TexelPlanes(WholePlanes):
-    """Channels of a texture: nodes and ghosts of a sheet, all of them visible or of some opacity.
+    """Channels of a texture at the nodes and ghosts of a sheet, with or without opacity.
 
     Attributes
     ----------
@@ -160,24 +162,25 @@ class TexelPlanes(WholePlanes):
         return replace(self, values=values)
 
     def columns(self, start: int, stop: int) -> npt.NDArray[np.bool_]:
-        """Which pixels of some rows, (rows * columns,), lie inside charts."""
+        """Return which texels of some rows, (rows * columns,), lie inside charts."""
         return self.surface.inside[start:stop].reshape(-1)
 
     def surroundings(self) -> _Means:
-        """Return what finds means over wide surroundings."""
+        """Return an object that computes means over wide surroundings."""
         return _Means(self.surface)
 
     @property
     def weighted(self) -> bool:
-        """Whether energies count by weights: always, see `away`."""
+        """Whether energies have weights: always, see `away`."""
         return True
 
     @cached_property
     def away(self) -> Singles:
-        """How much nodes tell of how sharp a texture is: (rows, columns).
+        """Weights of nodes in the measurement of sharpness: (rows, columns).
 
-        It is 1 but beside seams where values bend much more than nearby: two materials meet there
-        in a step that no blur reached, or a blur in the image left both sides a little different.
+        They are 1, except beside seams with much larger second differences than nearby. There two
+        materials meet in a step that is sharp whatever the blur, or a blur of the image has made
+        both sides slightly different.
         """
         inside = self.surface.inside
         steps, around = np.zeros((2, *inside.shape), np.float32)
@@ -211,7 +214,7 @@ class TexelPlanes(WholePlanes):
         return np.float32(_FAINTEST) + np.float32(1 - _FAINTEST) * (1 - spread) ** 2
 
     def with_weights(self, energies: Singles, top: int, bottom: int) -> Singles:
-        """Return energies of all rows, times weights that come last: (k + 1, rows, columns)."""
+        """Multiply energies of all rows by weights, and append these: (k + 1, rows, columns)."""
         weights = self.away
         found = np.empty((len(energies) + 1, *weights.shape), np.float32)
         _times(energies, weights, found[:-1])
@@ -219,7 +222,7 @@ class TexelPlanes(WholePlanes):
         return found
 
     def premultiplied(self) -> TexelPlanes:
-        """Return the values times their opacity, all of which count alike."""
+        """Return the values times their opacity, as planes without opacity."""
         if not self.opacity.size:
             return self
         return replace(self, values=_times(self.values, self.opacity), opacity=NONE)
@@ -227,7 +230,7 @@ class TexelPlanes(WholePlanes):
     def averaged(
         self, energies: Singles, first: int, sigma: float, top: int, bottom: int
     ) -> Singles:
-        """Smooth energies that were weighted by opacity: (k, rows, columns)."""
+        """Smooth energies that are weighted by opacity: (k, rows, columns)."""
         energies = self.surface.complete(np.ascontiguousarray(energies))
         if not self.opacity.size:
             return self.surface.smooth(energies, variance_of(sigma))
@@ -266,7 +269,7 @@ class TexelPlanes(WholePlanes):
         return low, high
 
     def _leave_out(self, hidden: npt.NDArray[np.bool_], low: Singles, high: Singles) -> None:
-        # Hidden texels are no least or greatest ones.
+        # Excludes hidden texels from minima and maxima.
         seen = ~hidden & self.surface.inside
         if seen.any():
             with aside(_MESSAGE):
@@ -284,10 +287,10 @@ class TexelPlanes(WholePlanes):
         nearest: bool,
         part: Part | None,
     ) -> TexelPlanes:
-        """Let the values flow across seams.
+        """Advect the values, across seams.
 
-        The flow is that of the surface; times are for texels, so that borders close alike in charts
-        of any scale.
+        The flow is measured on the surface, but times are in units of texels, so that borders close
+        alike in charts of any scale.
         """
         atlas = self.surface.atlas
         texels, channels = self.interleaved(brightness)
@@ -296,7 +299,7 @@ class TexelPlanes(WholePlanes):
             wide = smooth_texels(atlas, potential[..., None].copy(), plan.passes)[..., 0]
             run(mix_potentials, len(wide), potential, wide, plan.shares, chunk=_CHUNK)
         areas = atlas.metric.texel_areas[np.maximum(atlas.sheet.nodes, 0)]
-        with np.errstate(over="ignore"):  # an infinite time is one, too
+        with np.errstate(over="ignore"):  # an infinite time is allowed
             times = plan.times * np.clip(areas * areas, _LEAST, _MOST)
         out = texels.copy()
         with phase(0.5, 1.0, "Tracing flow-lines"):
@@ -306,7 +309,7 @@ class TexelPlanes(WholePlanes):
 
 
 class _Means:
-    # Surroundings as the stages ask for them.
+    # Implements `Surroundings` for texels.
 
     def __init__(self, surface: Surface) -> None:
         self._means = surface.means
@@ -330,7 +333,7 @@ class _Means:
 
 
 def _times(planes: Singles, weights: Singles, out: Singles | None = None) -> Singles:
-    # Planes, each times the weights.
+    # Multiplies each plane by the weights.
     out = np.empty_like(planes) if out is None else out
     with aside(_MESSAGE):
         for plane, target in zip(planes, out, strict=True):
@@ -340,7 +343,7 @@ def _times(planes: Singles, weights: Singles, out: Singles | None = None) -> Sin
 
 
 def _joined(planes: Singles, last: Singles) -> Singles:
-    # Planes, and one more.
+    # Appends one plane to others.
     out = np.empty((len(planes) + 1, *last.shape), np.float32)
     with aside(_MESSAGE):
         for target, plane in zip(out, (*planes, last), strict=True):

@@ -159,7 +159,7 @@ def values_of(
 
 
 def least_step(pixels: npt.NDArray) -> float:
-    """Return the step of whole numbers; 0 for floats."""
+    """Return the distance between neighbouring values of an integer type; 0 for floats."""
     return SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0
 
 
@@ -272,7 +272,7 @@ def checked_atlas(
 
 
 def check_covered(atlas: TextureAtlas) -> None:
-    """Refuse charts that are all so small that no texel shows them."""
+    """Raise `InvalidUV` if all charts are too small to cover the centre of a texel."""
     if not atlas.inside.any():
         raise InvalidUV(
             "No chart covers the middle of a texel; use a larger image, or unwrap the mesh into"

@@ -65,15 +65,15 @@ def follow_texels_by_width(
     *,
     normals: bool = False,
 ) -> None:
-    """Let a texture follow the flow of another one.
+    """Advect a texture by the flow of another one.
 
     Parameters
     ----------
     atlas : TextureAtlas
     leading : (rows, columns, c) float32
-        Nodes and ghosts of the texture that says how wide borders are, and how values flow.
+        Nodes and ghosts of the guide, which defines the width of borders and the flow.
     guides : Channels
-        Those of it that guide.
+        The guiding channels of `leading`.
     values, channels, settings, result, normals
         As in `sharpen_texels_by_width`.
     """
@@ -103,5 +103,5 @@ def _measured(
 
 
 def nodes_inside(atlas: TextureAtlas) -> npt.NDArray[np.bool_]:
-    """Which nodes lie inside charts: (rows, columns)."""
+    """Return which nodes lie inside charts: (rows, columns)."""
     return atlas.sheet.nodes >= 0

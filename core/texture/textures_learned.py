@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of textures by the recipe that images have learned; see `core.color.learned`.
+"""Sharpening of textures by the learned recipe for images; see `core.color.learned`.
 
-The networks are those of images. Nothing but the neighbours of texels differs: see `texel_planes`.
+The networks are those for images. Only the neighbours of texels differ: see `texel_planes`.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from .texel_planes import Surface, TexelPlanes
 Texels = npt.NDArray[np.float32]
 
 _ROUNDING = 16 * float(np.finfo(np.float32).eps)
-"""Relative differences that reading across seams makes by itself."""
+"""Relative differences up to this are rounding of the interpolation across seams."""
 
 _SQUARE = 128
-"""Texels along a side of the squares in which detail is measured."""
+"""Side, in texels, of the squares in which detail is measured."""
 
 
 def are_learned(settings: TextureSettings, normals: bool) -> bool:
-    """Whether texels are sharpened by the learned recipe.
+    """Return whether texels are sharpened by the learned recipe.
 
-    Not normals, nor if a time or What is given.
+    This is not done for normals, nor if a time or What is given.
     """
     return settings.by_width and settings.what == "auto" and not normals
 
@@ -89,13 +89,13 @@ def sharpen_texels_learned(
 
 
 def _weights(planes: TexelPlanes) -> Texels:
-    # How much of each texel is seen.
+    # The opacity of texels inside charts, 0 elsewhere.
     weights = np.asarray(planes.surface.inside, np.float32)
     return weights * planes.opacity if planes.opacity.size else weights
 
 
 def _detail(planes: TexelPlanes) -> float:
-    # How much a smoothing takes away, as a mean square, in squares all over the sheet.
+    # The mean squared difference to a smoothing, in squares all over the sheet.
     weights = _weights(planes)
     away = np.zeros_like(weights)
     for value, smooth in zip(

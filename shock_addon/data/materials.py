@@ -97,7 +97,7 @@ def live_mix(node: bpy.types.ShaderNodeTexImage, name: str = "Old") -> bpy.types
 
 
 def is_beside(node: bpy.types.ShaderNodeTexImage) -> bool:
-    """Whether a node holds the result of a live texture or its mask, and no texture itself."""
+    """Whether a node contains the result or the mask of a live texture, and not a texture."""
     return is_live_result(node) or is_live_mask(node)
 
 

@@ -87,7 +87,7 @@ class MeshSwap:
         return not (self._after and self._is_whole)
 
     def state(self) -> str:
-        """Return which of both the mesh holds now, `BEFORE` or `AFTER`; empty for neither."""
+        """Return which state the mesh has now, `BEFORE` or `AFTER`; empty for neither."""
         mesh = self._find()
         if mesh is None or mesh.is_editmode:
             return ""
@@ -226,7 +226,7 @@ class MixSwap(ImageSwap):
         return next((state for state in (AFTER, BEFORE) if self._images[state] in mixed), "")
 
     def write(self, state: str) -> None:
-        """Mix in one of both; with itself the old one is as it was."""
+        """Mix in one of the two images; the old one mixed with itself stays unchanged."""
         for node in self._nodes():
             node.image = _image(self._images[state])
 

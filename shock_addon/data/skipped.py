@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ...core.base.findings import Finding
 
 MOST_NAMES = 4
-"""Of objects, and of remarks on them, that a report shows one by one."""
+"""Most objects, and remarks on them, that a report lists one by one."""
 
 
 class Skipped(Exception):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Show over an object where the filters will pull, and what becomes of its creases.
+"""Draw the flow of the filters, and the state of creases, over an object.
 
 May use the operators and `data`.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw the creases of an object in colors, which follow Widest Fillet."""
+"""Draw the creases of an object in colors, updated when Widest Fillet changes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _WIDTH = 3.0
 
 
 class CreasesOfMesh:
-    """The creases of a mesh, found anew when the panel's settings change."""
+    """The creases of a mesh, which are found again when the panel's settings change."""
 
     kind = "creases"
 
@@ -60,13 +60,13 @@ class CreasesOfMesh:
         self._found = found
 
     def fits(self, mesh: bpy.types.Mesh) -> bool:
-        """Whether a mesh is as it was."""
+        """Whether a mesh has not changed."""
         if len(mesh.polygons) != self._polygons:
             return False
         return np.array_equal(data.mesh.meshes.read_positions(mesh), self._surface.positions)
 
     def now(self) -> tuple[FoundCreases, bool]:
-        """Return them with the panel's settings as these are now, and whether that is news."""
+        """Return them for the current settings of the panel, and whether they have changed."""
         parameters = bpy.context.scene.shock_filter.geometry
         settings = settings_of(find("geometry"), parameters)
         if settings == self._settings:
@@ -78,11 +78,11 @@ class CreasesOfMesh:
         return self._found, True
 
     def say(self, report: str) -> None:
-        """Let the panel show a report, which follows what is drawn."""
+        """Let the panel show a report, which is updated with the drawing."""
         self.report = base.summaries["geometry"] = report
 
     def segments(self) -> dict[str, npt.NDArray[np.float32]]:
-        """Give both ends of each edge of the lines (k, 3), by what becomes of them."""
+        """Return both ends of each edge of the lines (k, 3), by their states."""
         found, _ = self.now()
         positions = self._surface.positions
         return {
@@ -93,13 +93,13 @@ class CreasesOfMesh:
 
 
 def said_of(name: str, lines: list[Any]) -> str:
-    """Return the report of what is drawn over an object."""
+    """Return the report on the creases drawn over an object."""
     text = pgettext_rpt("Creases of {name}: {counts}.")
     return text.format(name=name, counts=counts_of(lines))
 
 
 def counts_of(lines: list[Any]) -> str:
-    """Count lines by what becomes of them, in words."""
+    """Describe the number of lines in each state."""
     counts = Counter(line.state for line in lines)
     said = [f"{counts[state]:,} {iface_(_WORDS[state])}" for state in _COLORS if counts[state]]
     return ", ".join(said) or iface_("none")
@@ -134,7 +134,7 @@ def draw_surface(overlay: Overlay) -> None:
 
 
 def draw_legend(overlay: Overlay) -> None:
-    """Say what the colors mean, at the lower right."""
+    """Draw the legend of the colors, at the lower right."""
     context = bpy.context
     if not is_seen(overlay.object(), context.space_data):
         return

@@ -21,13 +21,13 @@ _DISTANCE = 22.0
 """Pixels between arrows."""
 
 _STEPS = 3
-"""How many distances there are until they double."""
+"""Number of steps of the distance between arrows per doubling."""
 
 _KEPT = 8
-"""For so many distances arrows are kept."""
+"""Number of distances for which arrows are cached."""
 
 _MOST_ACROSS = 100.0
-"""Arrows across an object that fills the view, however close it is."""
+"""Number of arrows across an object that fills the view, at any zoom."""
 
 
 def draw_surface(overlay: Overlay) -> None:
@@ -63,7 +63,7 @@ def draw_surface(overlay: Overlay) -> None:
 def _distance(
     obj: bpy.types.Object, region: bpy.types.Region, view: bpy.types.RegionView3D
 ) -> float:
-    """Say how far apart arrows are in the object's own space: in steps, so that few differ."""
+    """Return the distance between arrows in object space, in steps, so that few values occur."""
     corners = [Vector(corner) for corner in obj.bound_box]
     size = max((corner - corners[0]).length for corner in corners)
     # Of the object's middle, seen from the eye; 1 without perspective.
@@ -100,7 +100,7 @@ def draw_legend(overlay: Overlay) -> None:
     if not is_seen(overlay.object(), context.space_data):
         return
     weak = iface_("{name}: potential weak").format(name=overlay.name)
-    strong = iface_("strong; arrows point where values are pulled")
+    strong = iface_("strong; arrows point to where values flow")
     scale, font = context.preferences.system.ui_scale, 0
     blf.size(font, 12 * scale)
     blf.color(font, *context.preferences.themes[0].view_3d.space.text_hi, 1.0)

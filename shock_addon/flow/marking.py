@@ -25,7 +25,7 @@ _ANGLE = math.radians(30.0)
 
 
 class _CreaseOperator(MeshOperator):
-    """What both have in common: creases are found with the panel's settings."""
+    """Base of the operators that find creases with the panel's settings."""
 
     angle = _ANGLE
     chooses = False
@@ -53,7 +53,7 @@ class _CreaseOperator(MeshOperator):
         return _find_creases
 
     def notes(self, written: list[Written]) -> str:
-        """Leave it at that: nothing has moved."""
+        """Return no notes, since nothing has moved."""
         return ""
 
     def _parameters(self) -> bpy.types.PropertyGroup:
@@ -66,8 +66,8 @@ class SHOCK_FILTER_OT_mark_creases(_CreaseOperator, bpy.types.Operator):
     bl_idname = "shock_filter.mark_creases"
     bl_label = "Mark Creases"
     bl_description = (
-        "Mark the edges of all creases, those that are sharp and those that sharpening closes, with"
-        " the panel's settings. Nothing moves; marks that are there stay"
+        "Mark the edges of all creases, those that are sharp and those that sharpening closes,"
+        " with the panel's settings. Nothing moves; existing marks stay"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -84,7 +84,7 @@ class SHOCK_FILTER_OT_mark_creases(_CreaseOperator, bpy.types.Operator):
     )  # fmt: skip
     marks: bpy.props.EnumProperty(
         name="Marks",
-        description="What their edges are marked as; several with Shift",
+        description="How edges are marked; hold Shift to choose several",
         items=[
             ("SHARP", "Sharp", "Smooth shading breaks there"),
             ("SEAM", "Seam", "Unwrapping cuts there"),
@@ -96,7 +96,8 @@ class SHOCK_FILTER_OT_mark_creases(_CreaseOperator, bpy.types.Operator):
     )
     angle: bpy.props.FloatProperty(
         name="Angle",
-        description="Weaker creases are left out: the angle between both sides once it is closed",
+        description="Least angle between both sides of a crease after it is closed; weaker"
+        " creases are left out",
         subtype="ANGLE",
         default=_ANGLE,
         min=math.radians(5.0),
@@ -163,9 +164,9 @@ class SHOCK_FILTER_OT_show_creases(_CreaseOperator, bpy.types.Operator):
     bl_idname = "shock_filter.show_creases"
     bl_label = "Show Creases"
     bl_description = (
-        "Draw the creases over the active object in colors: those that sharpening will close, that"
-        " stay as fillets, that are too thin, and that are sharp already. They follow Widest Fillet"
-        " as it is changed. The mesh stays as it is"
+        "Draw the creases over the active object in colors: those that sharpening will close,"
+        " that stay as fillets, that are too thin, and that are sharp already. The drawing"
+        " updates while you change Widest Fillet. The mesh does not change"
     )
 
     obstacle = staticmethod(SHOCK_FILTER_OT_show_flow.obstacle)
@@ -176,7 +177,7 @@ class SHOCK_FILTER_OT_show_creases(_CreaseOperator, bpy.types.Operator):
         return data.mesh.meshes.read_active(context, self.reader(), parameters, writes=False)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
-        """Draw them from now on."""
+        """Start to draw them."""
         with data.mesh.meshes.object_mode(context):
             return write_results(self.targets, results, self._show)
 
@@ -189,31 +190,31 @@ class SHOCK_FILTER_OT_show_creases(_CreaseOperator, bpy.types.Operator):
         return obj
 
     def summary(self, written: list[Written], seconds: float) -> str:
-        """Count the lines by what becomes of them."""
+        """Describe the number of lines in each state."""
         from . import creases
 
         ((_, obj, found),) = written
         return creases.said_of(obj.name, found.lines)
 
     def tell(self, kind: str, text: str, folded: str = "") -> None:
-        """Report, and let the report follow what is drawn."""
+        """Report, and update the report with the drawing."""
         super().tell(kind, text, folded)
         shown.say(text)
 
 
 class SHOCK_FILTER_OT_hide_creases(bpy.types.Operator):
-    """Draw the creases no more"""
+    """Stop drawing the creases"""
 
     bl_idname = "shock_filter.hide_creases"
     bl_label = "Hide Creases"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want creases that are shown, on whatever object."""
+        """Return whether creases of any object are shown."""
         return shown.shown_object("creases") is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Draw them no more."""
+        """Stop drawing them."""
         shown.hide()
         return {"FINISHED"}
 
@@ -224,9 +225,9 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
     bl_idname = "shock_filter.crisp_low_poly"
     bl_label = "Crisp Low Poly"
     bl_description = (
-        "Sharpen a remeshed part with the panel's settings, and dissolve what is flat or simply"
-        " curved between its creases: a clean mesh of few triangles in a new object. Materials and"
-        " UVs are kept; the original is hidden"
+        "Sharpen a remeshed part with the panel's settings, and dissolve flat and simply curved"
+        " areas between its creases: a clean mesh of few triangles in a new object. Materials"
+        " and UVs are kept; the original is hidden"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -240,8 +241,8 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
     )
     turn: bpy.props.FloatProperty(
         name="Turn",
-        description="How far faces may turn from those that they replace: smaller keeps more faces"
-        " on what is round",
+        description="How far faces may turn from those that they replace: smaller values keep"
+        " more faces on round surfaces",
         subtype="ANGLE",
         default=math.radians(8.0),
         min=math.radians(0.1),

@@ -17,13 +17,13 @@ from . import showing as flow_shown
 
 
 class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
-    """Show where the filter will pull."""
+    """Show the flow of the filter."""
 
     bl_idname = "shock_filter.show_flow"
     bl_label = "Show Flow"
     bl_description = (
-        "Show where the filter will pull, with the panel's settings: the potential in colors over"
-        " the active object, and arrows that point where values go. The mesh stays as it is"
+        "Show the flow of the filter with the panel's settings: the potential in colors over the"
+        " active object, and arrows that point to where values flow. The mesh does not change"
     )
 
     chooses = False
@@ -35,13 +35,13 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
     )
     attributes: bpy.props.BoolProperty(
         name="Attributes",
-        description="Write both into the mesh, too, for Geometry Nodes and scripts: into the hidden"
-        " attributes .shock_potential and .shock_flow, which stay there",
+        description="Also write both into the mesh, for Geometry Nodes and scripts: into the"
+        " hidden attributes .shock_potential and .shock_flow, which are kept",
     )
 
     @staticmethod
     def obstacle(context: bpy.types.Context) -> str:
-        """Want an active mesh object."""
+        """Return the obstacle if there is no active mesh object."""
         obstacle = obstacles.of_meshes(context)
         if not obstacle and (context.object is None or context.object.type != "MESH"):
             return "Make a mesh object the active one."
@@ -70,7 +70,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         return Task(self.targets, showing, name, settings, weld, [])
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
-        """Draw the flow from now on, and write it if asked to."""
+        """Start to draw the flow, and write it into attributes on request."""
         with data.mesh.meshes.object_mode(context):
             return write_results(self.targets, results, self._show)
 
@@ -97,7 +97,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         )
 
     def notes(self, written: list[Written]) -> str:
-        """Leave it at that: nothing has moved."""
+        """Return no notes, since nothing has moved."""
         return ""
 
     def _parameters(self) -> bpy.types.PropertyGroup:
@@ -105,18 +105,18 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
 
 class SHOCK_FILTER_OT_hide_flow(bpy.types.Operator):
-    """Draw the flow no more"""
+    """Stop drawing the flow"""
 
     bl_idname = "shock_filter.hide_flow"
     bl_label = "Hide Flow"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a flow that is shown, on whatever object."""
+        """Return whether a flow of any object is shown."""
         return flow_shown.shown_object() is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Draw it no more."""
+        """Stop drawing it."""
         flow_shown.hide()
         return {"FINISHED"}
 

@@ -8,11 +8,11 @@ from typing import Any
 import bpy
 
 _MODES = {"OBJECT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
-"""Modes in which the mesh holds what is seen."""
+"""Object modes in which the mesh data is what Blender shows."""
 
 
 class Overlay:
-    """What is shown; batches are made when they are drawn, anew when the mesh has changed.
+    """The shown data; batches are made when drawn, and again when the mesh has changed.
 
     Those of arrows are kept by their distance, since each view may be zoomed in its own way.
     """
@@ -26,7 +26,7 @@ class Overlay:
         self.drawing: list[object] = []
 
     def object(self) -> bpy.types.Object | None:
-        """Find the object again, whatever it is called now."""
+        """Find the object again, also if it was renamed."""
         obj = bpy.data.objects.get(self.name)
         if obj is None or obj.session_uid != self.uid:
             obj = next((other for other in bpy.data.objects if other.session_uid == self.uid), None)
@@ -35,13 +35,13 @@ class Overlay:
         return obj
 
     def forget_batches(self) -> None:
-        """Have them made anew."""
+        """Drop the batches, so that they are made again."""
         self.surface = None
         self.arrows.clear()
 
 
 def is_seen(obj: bpy.types.Object | None, view: bpy.types.SpaceView3D) -> bool:
-    """Whether a view shows an object and what is drawn over it."""
+    """Whether a view shows an object and the overlays over it."""
     return (
         obj is not None
         and is_readable(obj)

@@ -23,7 +23,7 @@ def shown_object(kind: str = "flow") -> str | None:
 
 
 def show(obj: bpy.types.Object, found: Any) -> None:
-    """Draw what was found from now on, instead of what is drawn; without a window do nothing.
+    """Draw this from now on, instead of the current drawing; without a window do nothing.
 
     Parameters
     ----------
@@ -52,19 +52,19 @@ def show(obj: bpy.types.Object, found: Any) -> None:
 
 
 def say(report: str) -> None:
-    """Let a report on the creases that are shown follow them."""
+    """Keep a report on the shown creases up to date."""
     if _shown is not None and _shown.found.kind == "creases":
         _shown.found.say(report)
 
 
 def follow_settings() -> None:
-    """Find what is shown anew if the panel's settings have changed, for the report."""
+    """Find the shown creases again if the panel's settings have changed, for the report."""
     if _shown is not None and _shown.found.kind == "creases":
         _shown.found.now()
 
 
 def hide(*_: object) -> None:
-    """Draw nothing any more."""
+    """Stop drawing."""
     global _shown
     if _shown is None:
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Live results: updating them, by hand and when their source changes, painting where they are seen.
+"""Live results: updating them, by hand and when their source changes, and painting their masks.
 
 May use `operators` and what these use. Scripts call `update` and `state`.
 """
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def update(obj: bpy.types.Object) -> None:
-    """Make the live result of an object again, with the settings that made it.
+    """Update the live result of an object, with the settings that made it.
 
-    That of a live copy is made of what its source shows now. The modifier keeps its inputs.
+    A live copy is made from the current state of its source. The modifier keeps its inputs.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def update(obj: bpy.types.Object) -> None:
 
 
 def state(obj: bpy.types.Object) -> str:
-    """Return what the live result of an object is to its mesh.
+    """Return the state of an object's live result.
 
     Parameters
     ----------

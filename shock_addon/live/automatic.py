@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Auto Update: live copies are made again when their source has changed and rests."""
+"""Auto Update: live copies are updated when their source has changed and no change follows."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _QUIET = 1.0
 """Seconds of an update before its progress is drawn, which takes time from it."""
 
 _LOOK, LOOK_ASLEEP = 0.02, 0.05
-"""Seconds between looks while something happens, and else."""
+"""Seconds between checks during activity, and otherwise."""
 
 _AWAKE = 3.0
-"""Seconds after a change in which something happens."""
+"""Seconds of activity after a change."""
 
 _AFTER_UNDO = 1.0
 """Seconds after an undo or redo in which changes are those that it brought."""
@@ -43,7 +43,7 @@ _updated = 0
 
 _undone = -math.inf
 _is_allowed = True
-"""Whether copies may update themselves: not in a file that was opened, until someone says so."""
+"""Whether copies may update themselves: in an opened file only after someone turns it on."""
 
 _refused: set[int] = set()
 """Uids of copies whose last update failed, until their source changes again."""
@@ -76,26 +76,26 @@ def switch(obj: bpy.types.Object, is_wanted: bool) -> None:
 
 
 def start() -> None:
-    """Look from now on."""
+    """Start checking."""
     if not bpy.app.timers.is_registered(_look):
         bpy.app.timers.register(_look, first_interval=REST)
 
 
 def stop() -> None:
-    """Look no more."""
+    """Stop checking."""
     if bpy.app.timers.is_registered(_look):
         bpy.app.timers.unregister(_look)
 
 
 def forbid(*_: object) -> None:
-    """Update nothing by itself in a file that was opened, until someone turns it on."""
+    """Pause automatic updates in an opened file, until someone turns them on."""
     global _is_allowed
     _is_allowed = False
     _refused.clear()
 
 
 def wait(*_: object) -> None:
-    """Update nothing by itself because of an undo or redo: an update would end the redo."""
+    """Pause automatic updates after an undo or redo, since an update would end the redo."""
     global _undone
     _undone = time.monotonic()
     _refused.update(obj.session_uid for obj in data.live.watching.changed_copies())

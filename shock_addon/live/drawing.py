@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the tab shows of a live result."""
+"""The part of the tab for live results."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ..operators.wrapping import draw_text
 from ..running import jobs
 from . import automatic, updating
 
-PAINTED = "Weight 1 shows the result: paint with 0 where the mesh shall stay as it was."
+PAINTED = "Weight 1 shows the result: paint with 0 where the mesh should stay as it was."
 """What to do in Weight Paint Mode."""
 
-WHITE_SHOWS = "White shows the result: paint with it where the image shall change."
-BLACK_SHOWS = "Black shows the result: paint with it where the image shall change."
+WHITE_SHOWS = "White shows the result: paint with it where the image should change."
+BLACK_SHOWS = "Black shows the result: paint with it where the image should change."
 """What to do in Texture Paint Mode."""
 
 _SAID = {
     "stale": "The mesh has other vertices, edges or faces now, so the live result is not shown:"
     " press Update.",
-    "moved": "Out of date: what it was made of has changed since. Update makes it again.",
+    "moved": "Out of date: its source has changed since. Press Update to make it again.",
 }
 
 
@@ -73,7 +73,7 @@ def _hint(
     modifiers: list[bpy.types.Modifier],
     texture: tuple[bpy.types.ShaderNodeTexImage, bpy.types.Node] | None,
 ) -> str:
-    """Return what to paint with, while a mask is painted; empty else."""
+    """Return a hint on what to paint with, while a mask is painted; otherwise empty."""
     obj = context.object
     if obj.mode == "WEIGHT_PAINT" and _is_painted(obj, modifiers):
         return PAINTED

@@ -22,7 +22,7 @@ _WHOLE = (
 )
 
 _Plan = list[tuple[bpy.types.Object, list[updating.Step]]]
-"""Objects, and what makes their results again."""
+"""Objects, with the operator that updates their results."""
 
 
 def _active(context: bpy.types.Context) -> bpy.types.Object | None:
@@ -40,18 +40,18 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
     bl_idname = "shock_filter.update_live"
     bl_label = "Update"
     bl_description = (
-        "Make the live results of the selected objects again, with the settings that made them."
-        " The modifiers keep their inputs, and live copies take what their source shows now"
+        "Update the live results of the selected objects, with the settings that made them. The"
+        " modifiers keep their inputs, and live copies are made again from their source"
     )
     bl_options = set()  # the filter adds the step of undo
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a live result that can be made again."""
+        """Return whether there is a live result that can be updated."""
         return can_run(cls, updating.obstacle(_active(context)))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Let a thread compute, if it is one object."""
+        """Compute on a thread if it is one object."""
         plan = self._plan(context)
         return self._update(plan, "INVOKE_DEFAULT" if len(plan) == 1 else "EXEC_DEFAULT")
 
@@ -95,19 +95,19 @@ class SHOCK_FILTER_OT_update_live(bpy.types.Operator):
 
 
 class SHOCK_FILTER_OT_auto_update_live(bpy.types.Operator):
-    """Update a live copy by itself, or no more."""
+    """Turn automatic updates of a live copy on or off."""
 
     bl_idname = "shock_filter.auto_update_live"
     bl_label = "Auto Update"
     bl_description = (
-        "Update this live copy whenever its source has changed. In a file that was opened it waits"
+        "Update this live copy whenever its source changes. After a file is opened it waits"
         " until this is pressed"
     )
     bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a live copy."""
+        """Return whether the active object is a live copy."""
         obj = _active(context)
         is_copy = obj is not None and data.chosen.live_source(obj) is not None
         return can_run(cls, "" if is_copy else "Make a live copy the active object.")
@@ -124,14 +124,14 @@ class SHOCK_FILTER_OT_paint_live(bpy.types.Operator):
     bl_idname = "shock_filter.paint_live"
     bl_label = "Paint Where"
     bl_description = (
-        "Paint where the live result is seen: in Weight Paint Mode, into the vertex group that the"
-        " modifier takes as Mask. A new one is 1 everywhere; paint with weight 0"
+        "Paint where the live result is shown: in Weight Paint Mode, on the vertex group that is"
+        " the Mask of the modifier. A new one is 1 everywhere; paint with weight 0"
     )
     bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a live result, in Object Mode."""
+        """Return whether there is a live result, in Object Mode."""
         obj = _active(context)
         obstacle = "Make a mesh object with a live result the active one."
         if obj is not None and data.chosen.live_modifiers(obj):
@@ -165,15 +165,15 @@ class SHOCK_FILTER_OT_paint_live_texture(bpy.types.Operator):
     bl_idname = "shock_filter.paint_live_texture"
     bl_label = "Paint Where"
     bl_description = (
-        "Paint where the result of a live texture is seen: in Texture Paint Mode, into the image"
-        " that its nodes take as Mask. A new one is black, or white where a gain map is painted;"
-        " paint with white"
+        "Paint where the result of a live texture is shown: in Texture Paint Mode, on the image"
+        " that is the Mask of its nodes. A new one is black, or white where a gain map is"
+        " painted; paint with white"
     )
     bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a live texture on the active object, in Object Mode or Texture Paint Mode."""
+        """Return whether the active object has a live texture, in Object or Texture Paint Mode."""
         return can_run(cls, _texture_obstacle(context))
 
     def execute(self, context: bpy.types.Context) -> set[str]:

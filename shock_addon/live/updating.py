@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Making live results again, and knowing when that is due."""
+"""Updating of live results, and their states."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _WORSE = ["", "fresh", "moved", "stale"]
 """States, from good to bad."""
 
 _LOOK = 0.05
-"""Seconds between looks whether a run has ended."""
+"""Seconds between checks whether a run has ended."""
 
 _NOT_LIVE = "{name} has no live result; run a filter with the output Live first."
 _BUSY = "{name} is in another mode; go to Object Mode first."
@@ -25,7 +25,7 @@ _LOST = "{name} is a live copy of an object that was removed; nothing can be upd
 
 
 class Step(NamedTuple):
-    """A run that makes results again.
+    """A run that updates results.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Step(NamedTuple):
     subjects: set[int]
 
     def does(self, other: Step) -> bool:
-        """Whether it does what another one does, of another object that shares mesh or texture."""
+        """Whether another step, of an object that shares mesh or texture, does the same."""
         return (self.operator, self.settings, self.subjects) == (
             other.operator,
             other.settings,
@@ -54,7 +54,7 @@ class Step(NamedTuple):
 
 
 def steps_of(obj: bpy.types.Object, with_textures: bool = True) -> list[Step]:
-    """List the runs that make the live results of an object again: colors, shape, textures."""
+    """List the runs that update the live results of an object: colors, shape, textures."""
     recipes = data.live.recipes.all_noted(obj.data)
     source = data.chosen.live_source(obj)
     subjects = {each.session_uid for each in (obj.data, source) if each is not None}
@@ -129,8 +129,8 @@ def update(
 ) -> set[str]:
     """Run the filters that made live results, with their settings, on this object alone.
 
-    Textures are made of all objects that theirs was made of. One runs after the other; what follows
-    one that was cancelled is left out.
+    Textures are computed from all objects of the original run. Runs follow each other; those after
+    a cancelled one are left out.
 
     Parameters
     ----------

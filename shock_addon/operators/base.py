@@ -43,10 +43,10 @@ summaries: dict[str, str] = {}
 """The last report of each mode, or the error."""
 
 details: dict[str, str] = {}
-"""What the panel folds of these reports; nothing of most."""
+"""The folded details of these reports; most have none."""
 
 textures: dict[str, set[int]] = {}
-"""The uids of the textures that they are about, before and after the run."""
+"""The uids of the textures of these reports, before and after the run."""
 
 listener: Any = None
 """Progress callback during `execute`, for the progress bar and Ctrl-C of the command line.
@@ -210,7 +210,7 @@ class FilterOperator(ModalJob):
     def advice(self) -> str:
         """Return advice if little has changed; empty if the filter has reported the reason.
 
-        Which way it chose where a setting is left to it is none.
+        A remark on an automatic choice is not such a reason.
         """
         settings = describe(self.row.target(self).row.settings).keys()
         words = [{name for name, value in each.values.items() if isinstance(value, str)}
@@ -294,7 +294,7 @@ class FilterOperator(ModalJob):
         self._forget()
 
     def is_detail(self, finding: Finding) -> bool:
-        """Whether few need a remark of the filter, so that the panel folds it."""
+        """Whether a remark of the filter is a detail, which the panel folds."""
         return False
 
     def tell(self, kind: str, text: str, folded: str = "") -> None:
@@ -375,12 +375,12 @@ class FilterOperator(ModalJob):
         return [*lines[: MOST_NAMES - 1], more.format(number=len(lines) - MOST_NAMES + 1)]
 
     def scale_of(self, made: Any) -> float:
-        """Return the scale of what was written, in whose units lengths are told; 0 for none."""
+        """Return the scale of the written object, for lengths in reports; 0 for none."""
         return 0.0
 
 
 def _choices(operator: Any, target: Target, finding: Finding, scale: float) -> dict[str, Found]:
-    """Return what was chosen where settings were left to the filter, by their properties."""
+    """Return the values that the filter chose for automatic settings, by their properties."""
     names = [name for name in target.fields if getattr(operator, name + AUTO, False)]
     chosen = {}
     for name in names:
@@ -413,7 +413,7 @@ def summary_of(context: bpy.types.Context, key: str, image: str = "") -> str:
 
 
 def details_of(context: bpy.types.Context, key: str, image: str = "") -> str:
-    """Return what is folded of the report that `summary_of` returns."""
+    """Return the folded details of the report that `summary_of` returns."""
     return details.get(key, "") if summary_of(context, key, image) else ""
 
 

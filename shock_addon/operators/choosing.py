@@ -22,7 +22,7 @@ _object_mode = ""
 
 
 def was_chosen(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Note that a mode is chosen, for what is selected now."""
+    """Note that a mode was chosen, with the current selection."""
     global _asked
     _asked = True
 

@@ -13,13 +13,13 @@ from ..data.skipped import Refused, Skipped
 from .base import can_run
 
 _SAID = {
-    "before": "Before the run; press again for the result. The file is saved as shown.",
+    "before": "This is the original; press again for the result. The file is saved as shown.",
     "after": "After the run.",
 }
 
 
 class SHOCK_FILTER_OT_before_after(bpy.types.Operator):
-    """Swap the last run's result with what was there before, bit for bit; again brings it back"""
+    """Switch between the last run's result and the original, bit for bit"""
 
     bl_idname = "shock_filter.before_after"
     bl_label = "Before / After"
@@ -31,7 +31,7 @@ class SHOCK_FILTER_OT_before_after(bpy.types.Operator):
         return can_run(cls, "" if is_held(context) else "Run a filter first, on what is chosen.")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Swap both, and report which is shown now."""
+        """Swap the data, and report which of them are shown now."""
         try:
             state = data.replaced.swap(context)
         except Refused as reason:

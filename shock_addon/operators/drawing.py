@@ -43,7 +43,7 @@ def draw_after_run(
 def draw_sections(
     layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: Mode
 ) -> None:
-    """Draw the masks, the output and what few need, folded."""
+    """Draw the masks, the output and the advanced settings, folded."""
     if "vertex_group" in mode.names_for(parameters):
         section = _section(layout, mode, "Mask")
         if section:
@@ -144,9 +144,9 @@ def _draw_setting(
     mode: Mode,
     name: str,
 ) -> None:
-    """Draw a setting; where a value leaves it to the filter, behind a switch that says so.
+    """Draw a setting; if it can be automatic, behind a switch.
 
-    Beside the switch stands what the last run chose, and a button that keeps that.
+    Beside the switch are the value that the last run chose, and a button that keeps it.
     """
     switch = name + AUTO
     of_panel = isinstance(parameters, bpy.types.PropertyGroup)

@@ -138,7 +138,7 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
     def description(
         cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties
     ) -> str:
-        """Say which maps a button bakes, and of what."""
+        """Describe which maps a button bakes, and from which objects."""
         return pgettext_rpt(
             "Bake maps of the detailed objects, the others that are selected, onto the active"
             " one: normals, height, curvature, occlusion, thickness, and colors if there are any"
@@ -164,14 +164,14 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
     )
     maps: bpy.props.EnumProperty(
         name="Maps",
-        description="What is baked; several with Shift",
+        description="Which maps are baked; hold Shift to choose several",
         items=[
             ("normals", "Normals", "Tangent-space normals of the detailed objects"),
             ("displacement", "Height", "How far the detailed objects are above the active one"),
-            ("curvature", "Curvature", "How the surface bends; flat is middle gray"),
+            ("curvature", "Curvature", "Curvature of the surface; flat is middle gray"),
             ("occlusion", "Occlusion", "How much of the sky each place sees"),
-            ("bent_normals", "Bent Normals", "From where each place sees the sky"),
-            ("thickness", "Thickness", "How thick the body is behind each place"),
+            ("bent_normals", "Bent Normals", "Mean direction in which each place sees the sky"),
+            ("thickness", "Thickness", "Thickness of the body behind each place"),
             ("colors", "Colors", "The active colors of the detailed objects"),
         ],
         options={"ENUM_FLAG"},
@@ -191,14 +191,14 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
     )
     cage: bpy.props.FloatProperty(
         name="Cage",
-        description="How far from the active object the detailed ones are looked for. 0 takes 5"
+        description="How far from the active object the detailed ones are searched. 0 uses 5"
         " percent of the size",
         subtype="DISTANCE",
         min=0.0,
     )
     rays: bpy.props.IntProperty(
         name="Rays",
-        description="How many rays leave each texel. 16 is quick, 1024 exact",
+        description="Number of rays per texel. 16 is fast, 1024 accurate",
         default=64,
         min=2,
         max=65536,
@@ -206,11 +206,11 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
     )
     occlude: bpy.props.BoolProperty(
         name="Others Occlude",
-        description="Other visible objects stand in the way of occlusion, too",
+        description="Other visible objects also occlude",
         default=True,
     )
     ground: bpy.props.BoolProperty(
-        name="Ground", description="There is an endless floor below the lowest point"
+        name="Ground", description="There is an infinite floor below the lowest point"
     )
     add_node: bpy.props.BoolProperty(
         name="Add Nodes",
@@ -297,7 +297,7 @@ class SHOCK_FILTER_OT_bake_maps(FilterOperator, bpy.types.Operator):
         )
 
     def is_detail(self, finding: Any) -> bool:
-        """Fold what white means in a map."""
+        """Fold the remark on what white means in a map."""
         return "white" in finding.values
 
     def scale_of(self, made: Any) -> float:

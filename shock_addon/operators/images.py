@@ -102,7 +102,7 @@ class OneImageOperator(FilterOperator):
         return written, skipped
 
     def _settle(self, context: bpy.types.Context) -> bool:
-        """Set the panel's enlargement back, which is of one press; return whether it was set."""
+        """Reset the panel's enlargement, which is for one run only; return whether it was set."""
         name = named(self.row.targets[0].row.settings, "enlargement")
         panel = getattr(context.scene.shock_filter, self.row.group)
         if not name or panel.bl_rna.properties[name].default > 1:  # it is what the button is for
@@ -113,7 +113,7 @@ class OneImageOperator(FilterOperator):
         return True
 
     def notes(self, written: list[Written]) -> str:
-        """Say how large the images are now, and that the panel's enlargement was set back."""
+        """Report the new sizes of the images, and that the panel's enlargement was reset."""
         said = []
         name = named(self.row.targets[0].row.settings, "enlargement")
         if written and name and getattr(self, name) > 1:
@@ -121,10 +121,10 @@ class OneImageOperator(FilterOperator):
             text = pgettext_rpt("Enlarged to {sizes} pixels.")
             said.append(text.format(sizes=", ".join(f"{w} x {h}" for w, h in sizes)))
         if self._known:
-            text = pgettext_rpt("{names} held the same already, so no copy was made.")
+            text = pgettext_rpt("The result is in {names} already, so no copy was made.")
             said.append(text.format(names=", ".join(self._known)))
         if self._is_settled:
-            text = "Enlarge is back at 1, so that the next press keeps the size."
+            text = "Enlarge was set back to 1, so that the next run keeps the size."
             said.append(pgettext_rpt(text))
         return " ".join(said)
 
@@ -210,7 +210,7 @@ class OneImageOperator(FilterOperator):
     def unchanged(self, facts: dict[str, Any]) -> str:
         """Return the report if no pixel has changed."""
         text = pgettext_rpt(
-            "Nothing in {old} has changed but what lies beside the charts, in {new}: {changes},"
+            "Nothing in {old} has changed except texels beside the charts, in {new}: {changes},"
             " {seconds:.1f} s."
             if facts["new"] != facts["old"] and self._is_any_new
             else "Nothing in {old} has changed, and {new} equals it: {changes}, {seconds:.1f} s."

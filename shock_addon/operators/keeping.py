@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What runs chose where settings were left to them, and the operator that keeps it."""
+"""Values that runs chose for automatic settings, and the operator that keeps them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ subjects: dict[str, set[int]] = {}
 
 
 class Found(NamedTuple):
-    """The value that a run chose for a setting, and that in words.
+    """The value that a run chose for a setting, also in words.
 
     Attributes
     ----------
@@ -33,20 +33,20 @@ class Found(NamedTuple):
 
 
 found: dict[str, dict[str, Found]] = {}
-"""What the last filtering runs chose for settings that were left to them, by mode and property."""
+"""The values that the last filtering runs chose for automatic settings, by mode and property."""
 
 owners: dict[str, set[int]] = {}
-"""The uids of the objects and images of these runs; what shows or marks creases is none of them."""
+"""The uids of the objects and images of these runs; showing or marking creases does not count."""
 
 
 def found_by(context: bpy.types.Context, key: str, name: str) -> Found | None:
-    """Return what the last run of a mode on the selection chose for a setting left to it."""
+    """Return the value that the last run of a mode on the selection chose for a setting."""
     same = data.chosen.subjects(context) & owners.get(key, set())
     return found.get(key, {}).get(name) if same else None
 
 
 class SHOCK_FILTER_OT_keep_auto(bpy.types.Operator):
-    """Put what the last run chose into the field, so that the next runs have the same"""
+    """Copy the value that the last run chose into the field, so that the next runs use the same"""
 
     bl_idname = "shock_filter.keep_auto"
     bl_label = "Keep"
@@ -59,7 +59,10 @@ class SHOCK_FILTER_OT_keep_auto(bpy.types.Operator):
         """Set the value."""
         chosen = found_by(context, self.mode, self.name)
         if chosen is None:
-            self.report({"ERROR"}, "No run on what is selected has chosen this; run it first.")
+            self.report(
+                {"ERROR"},
+                "No run on the selection has chosen this value yet; run the filter first.",
+            )
             return {"CANCELLED"}
         settings = getattr(context.scene.shock_filter, self.mode)
         setattr(settings, self.name, chosen.value)

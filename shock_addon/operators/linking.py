@@ -13,10 +13,10 @@ from .base import can_run
 BUTTON = "shock_filter_link_button"
 """Name of the context pointer by which the button that a panel draws is known.
 
-Scripts name an image, and need none that waits.
+Scripts give the name of an image instead.
 """
 
-_NONE = "No generated image waits in the material; press Generate first."
+_NONE = "There is no unlinked generated image in the material; press Generate first."
 
 
 class SHOCK_FILTER_OT_link_map(bpy.types.Operator):
@@ -25,8 +25,8 @@ class SHOCK_FILTER_OT_link_map(bpy.types.Operator):
     bl_idname = "shock_filter.link_map"
     bl_label = "Link"
     bl_description = (
-        "Link the image that was generated last, whose node waits in the material, to the shader."
-        " What was linked there gives way, but for Mix Factor"
+        "Link the image that was generated last, whose node is in the material, to the shader."
+        " It replaces the existing link, except for Mix Factor"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -42,7 +42,7 @@ class SHOCK_FILTER_OT_link_map(bpy.types.Operator):
     )
     image: bpy.props.StringProperty(
         name="Image",
-        description="Image to link. Empty takes the one that was generated last",
+        description="Image to link. If empty, the one that was generated last is used",
         options={"SKIP_SAVE"},
     )
 
@@ -81,7 +81,7 @@ class SHOCK_FILTER_OT_link_map(bpy.types.Operator):
 
 
 def is_waiting(context: bpy.types.Context) -> bool:
-    """Whether a generated image waits in a material, unlinked."""
+    """Whether a material has an unlinked node with a generated image."""
     return data.image.linking.waiting(context) is not None
 
 

@@ -16,7 +16,7 @@ from . import poll as obstacles
 from .base import Done, FilterOperator, Written, counted, describe_colors, write_results
 
 _APPLY = (
-    "The mesh below the modifiers was filtered; apply them first to filter what they make, or"
+    "The mesh below the modifiers was filtered; to filter their result, apply them first, or"
     " choose the output New Object."
 )
 
@@ -207,7 +207,7 @@ class MeshOperator(FilterOperator):
             said = f"{text} {said}".rstrip()
         if self._replaced_live:
             text = pgettext_rpt(
-                "The live result of {names} was removed, as it would come on top of this."
+                "The live result of {names} was removed, since it would be added to this result."
             )
             said = f"{said} {text.format(names=listed(self._replaced_live))}"
         if self._other_live:

@@ -51,7 +51,7 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
 
 
 def makes_object(mode: Mode, parameters: Any, obj: bpy.types.Object) -> bool:
-    """Whether what is seen of an object goes into a new one, by choice or by its modifiers.
+    """Whether the visible shape of an object goes into a new one, by choice or by its modifiers.
 
     A live copy is such a new one, of its source.
     """
@@ -93,10 +93,14 @@ def announcement(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
         if makes_object(mode, settings, obj) and makes_live(mode, settings, obj) == is_live
     ]
     found = [top.name for obj in objects if (top := data.chosen.modifier_on_top(obj)) is not None]
-    text = "New Object: {name} is on top, so what is seen is filtered, and the original is hidden."
+    text = (
+        "New Object: {name} is the last modifier, so the visible shape is filtered, and the"
+        " original is hidden."
+    )
     if is_live:
         text = (
-            "Live copy: {name} is on top, so what is seen is filtered, and the original is hidden."
+            "Live copy: {name} is the last modifier, so the visible shape is filtered, and the"
+            " original is hidden."
         )
     return pgettext_rpt(text).format(name=", ".join(dict.fromkeys(found))) if found else ""
 

@@ -18,7 +18,7 @@ from ..modes import find as mode_of
 from . import choosing
 
 AUTO = "_auto"
-"""End of the names of switches that leave a setting to the filter."""
+"""Suffix of the names of switches that make a setting automatic."""
 
 OWN_WORDS = "Shock Filter"
 """Translation context of properties whose words are not to be Blender's own."""
@@ -156,8 +156,8 @@ _MESH_OUTPUT = _output(
     (
         "AUTO",
         "Auto",
-        "New Object in Object Mode where a Remesh, Boolean, Bevel, Subdivision or Geometry Nodes"
-        " modifier is on top, so that what is seen is filtered; else Mesh",
+        "New Object in Object Mode if a Remesh, Boolean, Bevel, Subdivision or Geometry Nodes"
+        " modifier is the last one, so that the visible shape is filtered; otherwise Mesh",
         3,
     ),
     (
@@ -175,38 +175,38 @@ _MESH_OUTPUT = _output(
     (
         "OBJECT",
         "New Object",
-        "Put what is seen, with modifiers and shape keys applied, into a new object in the same"
-        " place, and hide the original",
+        "Put the visible shape, with modifiers and shape keys applied, into a new object in the"
+        " same place, and hide the original",
         2,
     ),
     (
         "LIVE",
         "Live",
-        "Keep the mesh, and let a modifier of Geometry Nodes move its vertices, by an amount that"
-        " can be changed later and animated. Of what other modifiers make, a live copy is made,"
-        " which can be updated",
+        "Keep the mesh, and add a Geometry Nodes modifier that moves its vertices, by an amount"
+        " that can be changed later and animated. From the result of other modifiers a live copy"
+        " is made, which can be updated",
         4,
     ),
 )
 
 _COLORS_OUTPUT = _output(
-    ("AUTO", "Auto", "Live where the colors are live already; else Mesh", 3),
+    ("AUTO", "Auto", "Live if the colors are live already; otherwise Mesh", 3),
     ("MESH", "Mesh", "Replace the colors", 0),
     (
         "LIVE",
         "Live",
-        "Keep the colors, and let a modifier of Geometry Nodes change them, by an amount that can"
-        " be changed later and animated",
+        "Keep the colors, and add a Geometry Nodes modifier that changes them, by an amount that"
+        " can be changed later and animated",
         4,
     ),
 )
 
 OUTPUTS_OF_COLORS = ("AUTO", "MESH", "LIVE")
-"""Outputs that colors have, of those of shapes; with others the colors are replaced."""
+"""Those outputs of shapes that colors have; with others the colors are replaced."""
 
 # Files keep the numbers.
 _IMAGE_OUTPUTS = (
-    ("NEW", "New Image", "Keep the image and put the new one beside it", 0),
+    ("NEW", "New Image", "Keep the image and add a new one", 0),
     (
         "REPLACE",
         "Replace",
@@ -220,13 +220,14 @@ _LIVE_TEXTURE = (
     "LIVE",
     "Live",
     "Keep the image, and mix it with the new one in the materials of the objects, by an amount"
-    " that can be changed later and animated. A mask image stays one, and can be painted",
+    " that can be changed later and animated. A mask image becomes the mask of the mix, and can"
+    " be painted",
     2,
 )
 
 _TEXTURE_IMAGE = {
     "name": "Image",
-    "description": "Texture to work on. Empty takes the one in the Image Editor, the one that is"
+    "description": "Texture to filter. If empty: the one in the Image Editor, the one that is"
     " painted on in Texture Paint Mode, or that of the active Image Texture node in the active"
     " object's material",
 }
@@ -247,8 +248,8 @@ def _maps(others: str) -> Any:
 def _picture(name: str) -> Any:
     return bpy.props.StringProperty(
         name=label(name),
-        description="Another picture of the surface in the same UV map and of the same size, such"
-        " as a photo projected from another side. Its opacity says where it is known",
+        description="Another picture of the surface in the same UV map and of the same size,"
+        " such as a photo projected from another side. It counts where it is opaque",
     )
 
 
@@ -259,12 +260,12 @@ _STARTS = [
     (
         "AUTO",
         "Auto",
-        "The vertices and edges that are selected in Edit Mode; if that is nothing, or everything,"
-        " the edges that are marked as sharp, or else the lowest vertices",
+        "The vertices and edges that are selected in Edit Mode; if nothing or everything is"
+        " selected, the edges that are marked as sharp, or else the lowest vertices",
     ),
     ("SELECTED", "Selection", "The vertices and edges that are selected in Edit Mode"),
     ("LOWEST", "Lowest Point", "The lowest vertices in the scene, such as those on the ground"),
-    ("GROUP", "Vertex Group", "The vertices that weigh 0.5 or more in a vertex group"),
+    ("GROUP", "Vertex Group", "The vertices with a weight of 0.5 or more in a vertex group"),
     ("SEAMS", "Marked Seams", "The edges that are marked as seams"),
     ("SHARP", "Marked Edges", "The edges that are marked as sharp"),
     ("IMAGE", "Painted Image", "Where an image of the same size is white"),
@@ -273,12 +274,12 @@ _STARTS = [
 _PLACES = {
     "attribute": bpy.props.StringProperty(
         name="Attribute",
-        description="Color attribute to work on. Empty takes each object's active one",
+        description="Color attribute to filter. If empty, each object's active one is used",
     ),
     "vertex_group": bpy.props.StringProperty(
         name="Vertex Group",
-        description="Vertices with weight 1 change fully, with weight 0 not at all."
-        " Empty changes all vertices",
+        description="Vertices with weight 1 change fully, with weight 0 not at all. If empty,"
+        " all vertices change",
     ),
     "invert_mask": bpy.props.BoolProperty(
         name="Invert",
@@ -292,25 +293,26 @@ _PLACES = {
     ),
     "mask_image": bpy.props.StringProperty(
         name="Mask Image",
-        description="Image of the texture's size: white is sharpened fully, black not at all."
-        " Empty sharpens everywhere",
+        description="Image of the texture's size: white is sharpened fully, black not at all. If"
+        " empty, everything is sharpened",
     ),
     "gain_map": bpy.props.StringProperty(
         name="Gain Map",
-        description="Image of the texture's size that says where: white gives the Gain, middle gray"
-        " (0.5) keeps detail as it is, black smooths it away. Empty takes the Gain everywhere",
+        description="Image of the texture's size that sets the gain: white gives the Gain,"
+        " middle gray (0.5) keeps detail as it is, black smooths it away. If empty, the Gain is"
+        " used everywhere",
     ),
     "gain_colors": bpy.props.StringProperty(
         name="Gain Colors",
-        description="Color attribute that says the same on the mesh: white gives the Gain, middle"
-        " gray (0.5) keeps, black smooths. With a map, both gains are multiplied",
+        description="Color attribute that sets the gain on the mesh: white gives the Gain,"
+        " middle gray (0.5) keeps, black smooths. With a map, both gains are multiplied",
     ),
     "image": bpy.props.StringProperty(**_TEXTURE_IMAGE),
     **{name: _picture(name) for name in PICTURES},
     **{
         f"{kind} image": bpy.props.StringProperty(
             name="Image",
-            description="Image whose pixels are replaced. Empty makes a new one",
+            description="Image whose pixels are replaced. If empty, a new one is made",
         )
         for kind in _DRAWN
     },
@@ -322,7 +324,7 @@ _PLACES = {
     ),
     "add_node": bpy.props.BoolProperty(
         name="Add Node",
-        description="Put the image into an Image Texture node of each object's material, unlinked;"
+        description="Add the image as an unlinked Image Texture node to each object's material;"
         " an object without a material gets one that shows it",
         default=True,
     ),
@@ -335,18 +337,18 @@ _PLACES = {
     ),
     "in_colors": bpy.props.BoolProperty(
         name="Colors",
-        description="Give places the color of their speed, from dark blue to yellow",
+        description="Color each place by its speed, from dark blue to yellow",
     ),
     "folder": bpy.props.StringProperty(
         name="Folder",
-        description="Folder for the frames, which is made. Empty makes a new one beside the blend"
-        " file",
+        description="Folder for the frames, which is created if missing. If empty, a new one is"
+        " made beside the blend file",
         subtype="DIR_PATH",
     ),
     "field": bpy.props.StringProperty(
         name="Attribute",
-        description="Attribute of vectors, along which it flows; or of colors or numbers, such as"
-        " Distance: it flows the way in which these rise",
+        description="Attribute of vectors, which are velocities; or of colors or numbers, such"
+        " as Distance: the flow goes uphill",
     ),
     "y_axis": bpy.props.EnumProperty(
         name="Green",
@@ -358,8 +360,8 @@ _PLACES = {
     ),
     "flow_map image": bpy.props.StringProperty(
         name="Flow Map",
-        description="Image whose red is the velocity to the right and green that up, with 0.5 for"
-        " none. Empty takes the one in the Image Editor",
+        description="Image whose red is the velocity to the right and green the velocity up,"
+        " with 0.5 for zero. If empty, the one in the Image Editor is used",
     ),
     "into": bpy.props.EnumProperty(
         name="Into",
@@ -377,7 +379,7 @@ _PLACES = {
     ),
     "start": bpy.props.EnumProperty(
         name="From",
-        description="What says where the distance is 0",
+        description="Source of the distance, where it is 0",
         items=_STARTS,
         default="AUTO",
     ),
@@ -394,17 +396,17 @@ _PLACES = {
         description="Which way streaks run",
         items=[
             *((way.upper(), label(way), about) for way, about in WAYS.items()),
-            ("ATTRIBUTE", "Attribute", "As an attribute of the mesh says"),
+            ("ATTRIBUTE", "Attribute", "The direction of an attribute of the mesh"),
         ],
     ),
     "along_attribute": bpy.props.StringProperty(
         name="Attribute",
-        description="Attribute of vectors, which streaks follow; or of colors or numbers, such as"
-        " Distance: streaks run the way in which these rise",
+        description="Attribute of vectors, which streaks follow; or of colors or numbers, such"
+        " as Distance: streaks run uphill",
     ),
     "stretch_along": bpy.props.EnumProperty(
         name="Along",
-        description="Which way the pattern is longer, as Stretch says",
+        description="Direction in which the pattern is stretched, by the factor Stretch",
         items=[
             ("NONE", "None", "It is alike in all directions"),
             *((way.upper(), label(way), about) for way, about in WAYS.items()),
@@ -412,17 +414,17 @@ _PLACES = {
     ),
     "occlude": bpy.props.BoolProperty(
         name="Others Occlude",
-        description="Other visible objects stand in the way of occlusion, too",
+        description="Other visible objects also occlude",
         default=True,
     ),
     "marked": bpy.props.BoolProperty(
         name="Marked Edges",
-        description="Only edges that are marked as sharp are worn, not those that are found",
+        description="Only edges that are marked as sharp are worn, not those found automatically",
     ),
     "scale_map": bpy.props.StringProperty(
         name="Scale Map",
-        description="Image of the same size: white has the Scale, middle gray half of it. Empty"
-        " takes the Scale everywhere",
+        description="Image of the same size: white gives the Scale, middle gray half of it. If"
+        " empty, the Scale is used everywhere",
     ),
     "detail maps": _maps(
         "Also the other images in the materials that show it, such as roughness, height and"
@@ -452,18 +454,19 @@ _PLACES = {
         " flow across UV seams of split meshes. Nothing is merged"
     ),
     "both weld": _weld(
-        "Vertices at exactly the same place count as one, so that meshes that are split along UV"
-        " seams do not crack open; as to colors, where these agree. Nothing is merged"
+        "Vertices at exactly the same place count as one (for colors only where these agree), so"
+        " that meshes that are split along UV seams do not crack open. Nothing is merged"
     ),
     "custom_normals": bpy.props.EnumProperty(
         name="Custom Normals",
         description="What happens to custom normals, on meshes that have them",
         items=[
-            ("KEEP", "Keep", "Keep them; they turn along with the surface"),
+            ("KEEP", "Keep", "Keep them; they rotate with the surface"),
             (
                 "RECOMPUTE",
                 "Recompute",
-                "Set them anew from the new surface and its sharp edges, where vertices may change",
+                "Recompute them from the new surface and its sharp edges, where vertices may"
+                " change",
             ),
             ("CLEAR", "Clear", "Remove them from the whole mesh"),
         ],
@@ -471,15 +474,17 @@ _PLACES = {
     ),
     "geometry mark_sharp": bpy.props.BoolProperty(
         name="Mark Sharp",
-        description="Afterwards mark the edges of creases that were closed as sharp, where faces"
-        " meet at more than the angle, so that smooth shading breaks there. Needs Where: Creases;"
-        " not for shape keys, nor with custom normals that are kept. Marks that are there stay",
+        description="After the run, mark the edges of creases that were closed, or were sharp"
+        " before, as sharp if they are stronger than the angle, so that smooth shading breaks"
+        " there. Needs Where: Creases; has no effect on shape keys, or where custom normals are"
+        " kept. Existing marks stay",
         default=True,
     ),
     "mark_sharp": bpy.props.BoolProperty(
         name="Mark Sharp",
-        description="Afterwards mark edges as sharp where faces meet at more than the angle and"
-        " vertices may change, so that smooth shading breaks there. Marks that are there stay",
+        description="After the run, mark edges as sharp whose faces meet at more than the angle"
+        " and whose vertices may change, so that smooth shading breaks there. Existing marks"
+        " stay",
         default=False,
     ),
     "sharp_angle": bpy.props.FloatProperty(
@@ -504,7 +509,7 @@ OF_ONE_RUN = {
     "image": {
         "image": bpy.props.StringProperty(
             name="Image",
-            description="Image to work on. Empty takes the one in the Image Editor",
+            description="Image to filter. If empty, the one in the Image Editor is used",
             options={"SKIP_SAVE"},
         ),
         "result": _RESULT,
@@ -519,8 +524,8 @@ OF_ONE_RUN |= {kind: {"result": _RESULT} for kind in _DRAWN}
 OF_ONE_RUN["flow_map"] = {
     "image": bpy.props.StringProperty(
         name="Flow Map",
-        description="Image whose red is the velocity to the right and green that up, with 0.5 for"
-        " none. Empty takes the one in the Image Editor",
+        description="Image whose red is the velocity to the right and green the velocity up,"
+        " with 0.5 for zero. If empty, the one in the Image Editor is used",
         options={"SKIP_SAVE"},
     ),
     "result": bpy.props.StringProperty(
@@ -557,7 +562,7 @@ def parameters_of(mode: Mode) -> dict[str, Any]:
 
 
 FROM = "start_from"
-"""The choice that `source` and `start` are together."""
+"""The choice that combines `source` and `start`."""
 
 _BORDERS = ("border", "seams")
 """Sources for which `start` does not count."""
@@ -604,8 +609,8 @@ def _length() -> Any:
 
     return bpy.props.FloatProperty(
         name="Length",
-        description="How long streaks are: over so many frames they fade. 5 draws short ones, 20"
-        " long ones; 1 shows the bare noise.\nUnit: frames",
+        description="How long streaks are: the number of frames over which they fade. 5 draws"
+        " short ones, 20 long ones; 1 shows the plain noise.\nUnit: frames",
         get=get,
         set=set_,
         min=1.0,
@@ -620,11 +625,11 @@ def _length() -> Any:
 
 def _then_sharpen(row: Filter) -> dict[str, Any]:
     kind, _, about = describe(find(row.then).settings)["time"]
-    text = "How long the result is sharpened. 0 changes nothing; 4096 pulls wide edges together"
+    text = "How long the result is sharpened. 0 changes nothing; 4096 closes wide edges"
     return {
         "then_sharpen": bpy.props.BoolProperty(
             name="Then Sharpen",
-            description="Sharpen what is denoised in the same run",
+            description="Sharpen the denoised result in the same run",
             default=False,
         ),
         "sharpen_time": _property(
@@ -734,7 +739,7 @@ def unregister() -> None:
 
 
 def reset_unknown_choices() -> None:
-    """Set choices back that only a newer version knows, in all scenes: their values are empty."""
+    """Reset choices that only a newer version knows, in all scenes; their values are empty."""
     for scene in bpy.data.scenes:
         kept = scene.shock_filter
         for group in (kept, *(getattr(kept, mode.key) for mode in choices())):

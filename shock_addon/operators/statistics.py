@@ -20,7 +20,7 @@ from . import poll
 class Counts(NamedTuple):
     """The amount of input; a mesh with several users counts once.
 
-    Where what is seen is filtered, what is seen counts, with modifiers.
+    If visible shapes are filtered, they count with modifiers.
     """
 
     meshes: int = 0

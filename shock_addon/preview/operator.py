@@ -82,11 +82,12 @@ class _PreviewOperator:
 
     bl_label = "Preview"
     bl_description = (
-        "Try settings on the active object or on the image, seen at once: move the mouse to the"
-        " right for more Amount or Strength, turn the wheel for the second setting, hold Shift for"
-        " small steps; B shows what was there before, and the result again. Click or Enter applies"
-        " them, to all that is selected, right click or Esc leaves everything as it was. Of large"
-        " meshes and images a patch is computed, around what the mouse or the view points at"
+        "Try settings and see the result on the active object or on the image: move the mouse to"
+        " the right for more Amount or Strength, turn the wheel for the second setting, hold"
+        " Shift for small steps; B switches between the original and the result. Click or Enter"
+        " applies the settings to all that is selected, right click or Esc restores everything."
+        " On large meshes and images only a patch is computed, around the mouse or in the middle"
+        " of the view"
     )
     bl_options = {"BLOCKING", "GRAB_CURSOR_X"}
 
@@ -99,7 +100,7 @@ class _PreviewOperator:
         if not obstacle and jobs.is_settling():
             obstacle = "Wait until the render, or the last run, has ended."
         if not mode.has_preview:
-            obstacle = "This cannot be tried; press the button above."
+            obstacle = "This has no preview; press the button above."
         return can_run(cls, obstacle)
 
     @staticmethod

@@ -19,7 +19,7 @@ from .status import StatusText
 Work = Callable[[Callable[[float, str], bool]], Any]
 
 _INTERVAL = 0.03
-"""Seconds between two looks whether a job has ended."""
+"""Seconds between two checks whether a job has ended."""
 
 _CALM = 0.2
 """Seconds between two drawings of the progress, which take time from the job."""
@@ -38,7 +38,7 @@ _READ_BY_OTHERS = ("RENDER", "OBJECT_BAKE")
 """Blender's jobs that read the scene on other threads; results wait for their end."""
 
 _LINGERS = 2.0
-"""Seconds without a change after which operators of other add-ons are taken for ones that stay."""
+"""Seconds without a change after which operators of other add-ons count as permanent."""
 
 _OWN = (__package__.partition(".shock_addon")[0] + ".", "bl_operators.")
 """How modules of operators begin that end soon: of this extension, and of Blender in Python."""
@@ -46,7 +46,7 @@ _OWN = (__package__.partition(".shock_addon")[0] + ".", "bl_operators.")
 _running: set[Job] = set()
 _waits: list[_Wait] = []
 previews: list[Any] = []
-"""Previews that have not ended: what they show is no data to read."""
+"""Previews that have not ended; the data that they show must not be read."""
 
 _unsettled: dict[int, bpy.types.Timer] = {}
 
@@ -65,9 +65,9 @@ class Job:
     quiet_until : float
         When its progress is shown first, by `time.monotonic`.
     keys_pass : bool
-        Whether keys do what they do without a job, other than Esc.
+        Whether keys other than Esc work as usual.
     is_welcome : callable
-        ``is_welcome()`` says whether the result may be applied now; else it waits.
+        ``is_welcome()`` returns whether the result may be applied now; otherwise it waits.
     """
 
     def __init__(self, work: Work) -> None:
@@ -134,7 +134,7 @@ class _Wait:
         return is_freed(self.operator)
 
     def show(self, context: bpy.types.Context) -> None:
-        """Show the progress, but not again and again."""
+        """Show the progress, but not too often."""
         now = time.monotonic()
         if now < max(self.job.quiet_until, self._drawn_next):
             return

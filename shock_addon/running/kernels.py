@@ -62,7 +62,7 @@ def _remove_old(folder: str) -> None:
 
 @cache
 def tab_is_seen() -> None:
-    """Load the kernels on a thread, so that the first press is quick; once in a session."""
+    """Load the kernels on a thread, once in a session, so that the first run is quick."""
     Job(lambda progress: load())
 
 

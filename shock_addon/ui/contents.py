@@ -91,7 +91,7 @@ def draw_flow(
     mode: Mode,
     settings: bpy.types.PropertyGroup,
 ) -> None:
-    """Draw the button that shows where a mode pulls, if it pulls anywhere."""
+    """Draw the button that shows the flow of a mode, if it has one."""
     if not mode.flow:
         return
     row = layout.row()
@@ -141,7 +141,7 @@ def _draw_report(
 def _draw_details(
     layout: bpy.types.UILayout, context: bpy.types.Context, key: str, image: str
 ) -> None:
-    """Draw what few need of the last report, folded."""
+    """Draw the details of the last report, folded."""
     if details := operators.details_of(context, key, image):
         header, body = layout.panel(f"SHOCK_FILTER_{key}_details", default_closed=True)
         header.label(text="Details")
@@ -254,7 +254,7 @@ def _draw_input(
     mode: Mode,
     settings: bpy.types.PropertyGroup,
 ) -> None:
-    """Say in one row what a run works on, also if it is nothing."""
+    """Draw one row that names the input of a run, also if there is none."""
     names, icon = _inputs(context, mode, settings), "MESH_DATA"
     if mode.data.handled_as != "meshes":
         icon = "IMAGE_DATA"
@@ -318,7 +318,7 @@ def _rows(context: bpy.types.Context, words: list[str], of: str = "*") -> int:
 def _draw_buttons(
     layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode, enabled: bool
 ) -> None:
-    """Draw the main button, or how far a run is, and those below it."""
+    """Draw the main button, or the progress of a run, and the buttons below it."""
     column = layout.column()
     enabled = enabled and jobs.current() is None
     if jobs.shown() is not None:

@@ -45,7 +45,7 @@ class _OwnPanel:
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw all of it; what few need is folded."""
+        """Draw all of it, with advanced settings folded."""
         from . import contents
 
         contents.draw_own(self, context)
@@ -128,7 +128,7 @@ class _AdvancedPanel:
     bl_label = "Advanced"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw what few need."""
+        """Draw the advanced settings."""
         from ..operators import drawing
 
         mode = self.mode(context)

@@ -31,7 +31,7 @@ _OF_ONE_OBJECT = {
 }
 
 _REMOVED = "Presets"
-"""What Blender calls a list of presets after one was removed."""
+"""Blender's label of a list of presets after one was removed."""
 
 _MODES = [(mode.key, label(mode.key), "") for mode in choices()]
 

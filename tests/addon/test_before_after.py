@@ -174,7 +174,7 @@ def test_the_panel_and_the_report_say_what_is_shown(rounded_box, select, capfd):
     assert comparing.is_held(bpy.context)
     assert not comparing.note(bpy.context)
     swap()
-    assert comparing.note(bpy.context).startswith("Before the run; press again")
+    assert comparing.note(bpy.context).startswith("This is the original; press again")
     assert "The file is saved as shown." in capfd.readouterr().out
     select(other)
     assert not comparing.note(bpy.context)

@@ -138,7 +138,7 @@ def test_advice_for_colors_names_their_settings_only(noisy_cube, capfd):
     noisy_cube()
     denoise(target="colors", color_time=0.0)
     said = capfd.readouterr().out
-    assert "(to take more away raise Time or lower Keep Edges)" in said
+    assert "(to remove more, raise Time or lower Keep Edges)" in said
     assert "Bump Size" not in said
 
 

@@ -410,7 +410,7 @@ def test_link_mixes_by_it(textured, is_linked):
 
 
 def test_what_cannot_be_linked_is_said(textured):
-    with pytest.raises(RuntimeError, match="No generated image waits"):
+    with pytest.raises(RuntimeError, match="There is no unlinked generated image"):
         link_map()
     with pytest.raises(RuntimeError, match="no image named 'Nothing'"):
         link_map(image="Nothing")

@@ -123,7 +123,7 @@ def test_other_outputs_take_the_live_result_away(rounded_box):
     _, after = written(box)
     sharpen(output="LIVE")
     sharpen(output="MESH")
-    assert "was removed, as it would come on top" in operators.summaries["geometry"]
+    assert "was removed, since it would be added" in operators.summaries["geometry"]
     np.testing.assert_array_equal(seen(box), after)
     assert live.state(box) == ""
 

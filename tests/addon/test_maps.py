@@ -185,7 +185,7 @@ def test_maps_that_lie_elsewhere_are_left_out_with_the_reason(painted):
     painted.link(places.outputs["UV"], metal.inputs["Vector"])
     maps = maps_of(bpy.context, painted.color.image)
     assert [image.name for image in maps.followers] == ["Metal"]
-    reason = "Skipped Rough: it lies on the surface in another way than Color."
+    reason = "Skipped Rough: it is mapped to the surface in another way than Color."
     assert maps.left == [reason]
     sharpen(maps="MATERIAL")
     assert reason in operators.summaries["texture"]
@@ -201,7 +201,7 @@ def test_images_that_cannot_be_filtered_are_left_out_with_the_reason(painted):
     sharpen(maps="MATERIAL")
     said = operators.summaries["texture"]
     assert "Skipped Rough: it is an image sequence" in said
-    assert "Skipped Tiled: one of it and Color has UDIM tiles." in said
+    assert "Skipped Tiled: only one of it and Color has UDIM tiles." in said
 
 
 def test_redo_writes_the_same_images_again(painted, adjust):

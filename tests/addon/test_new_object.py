@@ -223,10 +223,10 @@ def test_a_modifier_that_makes_faces_chooses_it_by_itself(rounded_box, kind):
     settings = bpy.context.scene.shock_filter.geometry
     assert settings.output == "AUTO"
     said = poll.announcement(bpy.context, find("geometry"), settings)
-    assert said.startswith("New Object: Top is on top")
+    assert said.startswith("New Object: Top is the last modifier")
     settings.output = "LIVE"
     said = poll.announcement(bpy.context, find("geometry"), settings)
-    assert said.startswith("Live copy: Top is on top")
+    assert said.startswith("Live copy: Top is the last modifier")
     settings.output = "MESH"
     assert poll.announcement(bpy.context, find("geometry"), settings) == ""
     settings.output = "AUTO"

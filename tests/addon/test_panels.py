@@ -587,10 +587,10 @@ def test_a_new_object_is_said_before_the_press(rounded_box):
     box.modifiers.new("Voxels", "REMESH")
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     said = " ".join(words(drawn, "label"))
-    assert "New Object: Voxels is on top, so what is seen is filtered" in said
+    assert "New Object: Voxels is the last modifier, so the visible shape is filtered" in said
     bpy.context.scene.shock_filter.geometry.output = "LIVE"
     said = " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
-    assert "Live copy: Voxels is on top" in said
+    assert "Live copy: Voxels is the last modifier" in said
     bpy.context.scene.shock_filter.geometry.output = "MESH"
     assert "New Object" not in " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
 
@@ -1138,7 +1138,7 @@ def test_keep_puts_lengths_into_the_field_as_the_report_gives_them(rounded_box):
     assert f"a radius of up to {chosen.said};" in operators.summaries["geometry"]
     assert chosen.said.startswith(f"{chosen.text} ({settings.widest_fillet:.4g} edge length")
     rounded_box(location=(4, 0, 0))
-    with pytest.raises(RuntimeError, match="run it first"):
+    with pytest.raises(RuntimeError, match="run the filter first"):
         bpy.ops.shock_filter.keep_auto(mode="geometry", name="widest_fillet")
 
 

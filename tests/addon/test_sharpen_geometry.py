@@ -270,7 +270,7 @@ def test_only_moves_that_are_seen_count(rounded_box):
         (
             "ico_sphere",
             642,
-            "what is round, flat or coarse stays. For more, set Where to Everywhere.",
+            "round, flat and coarse parts stay. For more, set Where to Everywhere.",
         ),
         ("cube", 8, "The creases are sharp already."),
     ],
@@ -339,7 +339,7 @@ def test_what_modifiers_make_is_not_sharpened_in_the_mesh_and_the_panel_says_so(
     assert sharpen(output="MESH") == {"FINISHED"}
     said = operators.summaries["geometry"]
     assert "Found nothing to sharpen" in said
-    assert "apply them first to filter what they make" in said
+    assert "to filter their result, apply them first" in said
 
 
 def test_linked_meshes_are_skipped(rounded_box, select, tmp_path):

@@ -142,7 +142,7 @@ def test_a_second_press_on_the_same_image_makes_no_equal_copy():
     for press in range(2):
         assert sharpen(image="Photo") == {"FINISHED"}
         assert bpy.data.images.keys() == ["Photo", "Photo sharpened"]
-        said = "Photo sharpened held the same already, so no copy was made."
+        said = "The result is in Photo sharpened already, so no copy was made."
         assert (said in operators.summaries["image"]) == (press == 1)
     # What the artist has painted on since is none.
     bpy.data.images["Photo sharpened"].pixels[0] = 0.25
@@ -660,7 +660,7 @@ def test_the_panel_enlarges_once():
     sharpen(image="Photo", amount=0.0, enlarge=2)
     assert kept.enlarge == 1
     height, width = 2 * noise().shape[0], 2 * noise().shape[1]
-    said = f"Enlarged to {width} x {height} pixels. Enlarge is back at 1"
+    said = f"Enlarged to {width} x {height} pixels. Enlarge was set back to 1"
     assert said in operators.summaries["image"]
     sharpen(image="Photo", amount=0.0, enlarge=kept.enlarge)
     assert "Enlarge" not in operators.summaries["image"]

@@ -405,7 +405,7 @@ def test_others_that_show_the_image_are_mentioned(sheet, select, capfd):
     add_sheet("Other", sheet.obj.active_material)
     select(sheet.obj)
     sharpen(time=64.0)
-    assert "Wood is also on Other, which took no part" in capfd.readouterr().out
+    assert "Wood is also on Other, which were not filtered" in capfd.readouterr().out
 
 
 def taken(name):

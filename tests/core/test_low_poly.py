@@ -62,6 +62,31 @@ def test_parts_keep_their_shape_with_few_faces(name, turn):
     assert away.max() < 1.0 * mesh.mean_edge_length
 
 
+def fins(p):
+    """The distance to wavy fins of two voxels on a plate."""
+    x, y, z = abs(p[..., 0]), abs(p[..., 1]), abs(p[..., 2])
+    plate = np.maximum(abs(p[..., 2] + 0.6) - 0.15, np.maximum(x, y) - 0.8)
+    across = (p[..., 0] + 0.15 * np.sin(3.0 * p[..., 1]) + 0.125) % 0.25 - 0.125
+    walls = np.maximum(abs(across) - 0.02, np.maximum(z - 0.6, np.maximum(x, y) - 0.75))
+    return np.minimum(plate, walls)
+
+
+def test_no_face_spans_a_gap():
+    mesh = parts.remeshed(fins, 48, np.eye(3))
+    sharp = mesh.moved_to(core.sharpen_geometry(mesh))
+    low = of(core.crisp_low_poly(mesh))
+    rng = np.random.default_rng(0)
+
+    def points(mesh, count):
+        face = rng.choice(mesh.face_count, count, p=mesh.areas / mesh.areas.sum())
+        shares = rng.dirichlet((1.0, 1.0, 1.0), count)[..., None]
+        return (shares * mesh.vertices[mesh.faces[face]]).sum(axis=1)
+
+    away = cKDTree(points(sharp, 200_000)).query(points(low, 20_000))[0]
+    assert away.max() < 1.5 * mesh.mean_edge_length
+    assert low.face_count < 0.06 * mesh.face_count
+
+
 @pytest.mark.parametrize("tolerance", [0.05, 0.25])
 def test_vertices_of_the_sharpened_mesh_stay_near_the_faces(tolerance):
     mesh = parts.remeshed(parts.filleted()[0], 48, np.eye(3))

@@ -98,6 +98,25 @@ def test_canceling_waits_for_all_threads(monkeypatch):
     assert len(written) == 3
 
 
+def test_chunks_that_ask_end_in_all_threads_when_the_run_is_cancelled(monkeypatch):
+    monkeypatch.setattr(parallel, "thread_count", lambda: 4)
+    monkeypatch.setattr(parallel, "_pool", cache(lambda: ThreadPoolExecutor(3)))
+    together = threading.Barrier(4)
+    to_the_end = []
+
+    def work(start, stop):
+        together.wait(timeout=10)  # each chunk has a thread of its own
+        for _ in range(2000):
+            parallel.ask()
+            time.sleep(0.005)
+        to_the_end.append(start)
+
+    questions = iter(range(20))
+    with pytest.raises(core.Cancelled), reporting(lambda *_: next(questions) < 10):
+        parallel.run(work, 4, chunk=1)
+    assert to_the_end == []
+
+
 def test_a_callback_that_returns_nothing_goes_on():
     core.sharpen_geometry(
         core.TriangleMesh(np.eye(3), [[0, 1, 2]]), progress=lambda fraction, message: None

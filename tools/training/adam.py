@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Train small networks: Adam, by hand, on one core and from a seed."""
+"""Trains small networks by the Adam optimizer; one core and one seed give the same bits."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from shock_filter.core.mixture.network import Network
 
 RATE, LAST_RATE = 2e-3, 1e-5
 WARM_UP = 500
-"""Steps, of at least 10 times as many, in which the rate rises: without them the first ones may
-end where nothing learns."""
+"""Steps over which the learning rate rises at first, at most a tenth of all. Without them, the
+first steps may end where all units of a layer are 0, and learning stops."""
 
 BATCH = 1024
 FADES = 0.9, 0.999
-"""Of Adam's means of slopes and of their squares."""
+"""Decay rates of Adam's running means: of gradients, and of squared gradients."""
 
 HELD = 1e-4
-"""How firmly a free mixture's further part is held near 0."""
+"""Weight of the L2 penalty on the free terms of a free mixture."""
 
 SOFT = 0.02
-"""Distances from the target below this hardly count: there is no gain in the last degree."""
+"""The loss is sqrt(d^2 + SOFT^2) for a distance d between unit vectors: improving a result by the
+last degree is not worth much."""
 
 
 def trained_mixture(
@@ -35,20 +36,20 @@ def trained_mixture(
     seed: int = 0,
     log: Callable[[str], None] = print,
 ) -> Network:
-    """Find the network whose mixtures come closest to the targets.
+    """Train a network whose mixtures of candidates come close to targets.
 
     Parameters
     ----------
     told : (n, inputs) float32
-        What the network is told of each row.
+        Features of each row.
     candidates : (n, k, 3) float32
         Unit vectors.
     targets : (n, 2, 3) float32
-        Unit vectors, of which the nearer one counts.
+        Unit vectors; the loss is the distance to the nearer one.
     weights : (n,) float32
-        How much each row counts.
+        Weights of the rows in the loss.
     hidden : tuple of int
-        Sizes of the inner layers.
+        Sizes of the hidden layers.
     epochs, seed, log
     """
     components = np.ascontiguousarray(candidates.transpose(0, 2, 1))
@@ -69,7 +70,7 @@ def trained_free_mixture(
     seed: int = 0,
     log: Callable[[str], None] = print,
 ) -> Network:
-    """As `trained_mixture`, for `free_mixture` and one target for each row: (n, 3)."""
+    """Train as `trained_mixture`, but for `free_mixture` and with one target per row: (n, 3)."""
     components = np.ascontiguousarray(candidates.transpose(0, 2, 1))
 
     def back(y, rows):
@@ -86,13 +87,14 @@ def trained_gate(
     seed: int = 0,
     log: Callable[[str], None] = print,
 ) -> Network:
-    """Find the network whose one value is above 0 for what is wanted, and below it elsewhere.
+    """Train a binary classifier by logistic loss: its output is above 0 for wanted rows.
 
     Parameters
     ----------
     told : (n, inputs) float32
+        Features of each row.
     wanted : (n,) float32
-        0 where it is not; the more, the more a miss would cost.
+        0 for rows that are not wanted; else the weight of the row in the loss, where others have 1.
     hidden, epochs, seed, log
         As above.
     """
@@ -111,7 +113,7 @@ def trained_gate(
 def trained_on(
     network: Network, told: np.ndarray, back: Callable, epochs: int, rate: float, seed: int, log
 ) -> Network:
-    """Let a network learn on, at a rate of its own; `back` returns loss and slopes of some rows."""
+    """Train a network further, at a given rate; `back` returns loss and gradient of some rows."""
     layers = [[w.copy(), b.copy()] for w, b in zip(network.weights, network.shifts, strict=True)]
     spread = (told.std(0) + 1e-2).astype(np.float32)
     return _learned(layers, spread, told, back, epochs, rate, np.random.default_rng(seed), log)
@@ -125,7 +127,7 @@ def _trained(told, back, sizes, epochs, seed, log) -> Network:
 
 
 def _learned(layers, spread, told, back, epochs, top, rng, log) -> Network:
-    # The first layer learns as if its inputs were standardised.
+    # The first layer learns as if its inputs had unit variance.
     scale = [np.float32(1) for _ in layers]
     scale[0] = (1 / spread[:, None]).astype(np.float32)
     means = [[np.zeros_like(p) for p in layer] for layer in layers]
@@ -171,7 +173,7 @@ def _begun(rng, sizes, mean, spread):
 
 
 def _slopes(layers, told, back_of):
-    # The loss, and its slopes for all weights and shifts.
+    # The loss, and its gradient with respect to all weights and biases.
     values = [told]
     for w, b in layers[:-1]:
         values.append(np.maximum(values[-1] @ w + b, 0))

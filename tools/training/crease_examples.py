@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes and the normals that they should have, made from seeds: what closing creases learns from.
+"""Training examples for closing creases: meshes with the target normals of faces, made from seeds.
 
-`remeshed` are solids out of voxels, whose design is wanted back. `relief`, `scanned`, `displaced`
-and `modelled` are surfaces that are as they should be: their own normals are wanted.
+`remeshed` makes solids meshed from voxels, whose targets are the normals of the solid. `relief`,
+`scanned`, `displaced`, `modelled` and others make surfaces that are right as they are: their
+targets are their own normals.
 """
 
 from __future__ import annotations
@@ -36,16 +37,17 @@ HOW_OFTEN = 0.44, 0.18, 0.14, 0.07, 0.08, 0.09
 
 @dataclass
 class Example:
-    """A mesh, and what is known of it.
+    """A mesh with its target normals, and how it was made.
 
     Attributes
     ----------
     mesh : TriangleMesh
     targets : callable
-        Gives the normals that some faces should have: two each, of which either counts.
+        Returns the target normals of some faces, given by index: two for each, either is right.
     kind, how : str
+        Kind of the solid or surface, and how it was meshed.
     solid, spacing
-        The solid and the width of its voxels, where there is one.
+        The signed distance function of the solid and the width of its voxels, if there is one.
     """
 
     mesh: core.TriangleMesh
@@ -59,9 +61,10 @@ class Example:
 def remeshed(
     seed, kinds=None, meshings=None, cells=None, noise=None, closer: float = 1.0
 ) -> Example:
-    """A solid out of voxels; `cells` is their number along each side, or its range.
+    """Make a solid meshed from voxels.
 
-    Half of those that are seen closer, up to so many times, are pieces out of larger solids.
+    `cells` is the number of voxels along each side, or its range. With `closer` above 1, half of
+    the examples are parts of solids that are larger by up to this factor.
     """
     rng = np.random.default_rng(seed)
     kind = str(rng.choice(KINDS, p=SHARES) if kinds is None else rng.choice(kinds))
@@ -104,7 +107,7 @@ def remeshed(
 
 
 def _seen_closer(rng, shape: Solid, times: float) -> Solid:
-    # Around a place of its surface, cut at the border of the grid.
+    # Scales a solid up around a point of its surface, and cuts it at the border of the grid.
     at = nearest(shape, rng.uniform(-0.8, 0.8, (1, 3)), 1.0, 8)
 
     def distance(p):
@@ -114,7 +117,7 @@ def _seen_closer(rng, shape: Solid, times: float) -> Solid:
 
 
 def relief(seed) -> Example:
-    """A statue, alone or on a part, with relief as fine as its faces: that is its design."""
+    """Make a statue, alone or on a part, with relief as fine as its faces, which must stay."""
     rng = np.random.default_rng(seed)
     on, base = statue(rng, np.zeros(3), rng.uniform(0.7, 1.1)), None
     if rng.random() < 0.4:
@@ -148,7 +151,7 @@ def relief(seed) -> Example:
 
 
 def scanned(seed) -> Example:
-    """A sculpture with folds, ridges and waves that are wider than its faces, as scanned."""
+    """Make a sculpture with folds, ridges and waves wider than its faces, like a scan."""
     rng = np.random.default_rng(seed)
     on = statue(rng, np.zeros(3), 0.9) if rng.random() < 0.7 else smooth(rng, 0.03)
     v, f, shape, h, _ = _net(rng, on, None, (40, 100))
@@ -157,7 +160,7 @@ def scanned(seed) -> Example:
         v = _scattered(rng, v, f, edge, shape, h)
     normals = gradient(shape, v)
     for _ in range(rng.integers(1, 6)):
-        length = edge * np.exp(rng.uniform(np.log(4), np.log(40)))  # of a wave
+        length = edge * np.exp(rng.uniform(np.log(4), np.log(40)))  # wavelength
         bend = rng.uniform(0, 0.5) * length * np.sin(v @ rng.normal(size=(3, 3)) / length)
         phase = (v + bend) @ _unit(rng) * 2 * np.pi / length + rng.uniform(0, 6.3)
         kind = rng.random()
@@ -178,10 +181,10 @@ def scanned(seed) -> Example:
 
 
 def sculpted(seed) -> Example:
-    """A gentle sculpture: wide forms, fine and rounded features here and there, hardly noise."""
+    """Make a gentle sculpture: wide forms, some fine and rounded features, hardly any noise."""
     rng = np.random.default_rng(seed)
     on = statue(rng, np.zeros(3), 0.9) if rng.random() < 0.5 else smooth(rng, 0.03)
-    cut = rng.random() < 0.35  # faces that were cut into four flat ones
+    cut = rng.random() < 0.35  # each face is divided into four in its plane
     v, f, shape, h, _ = _net(rng, on, None, (30, 80) if cut else (56, 150))
     edge = mean_edge(v, f)
     if rng.random() < 0.8:
@@ -212,7 +215,7 @@ def sculpted(seed) -> Example:
 
 
 def modelled(seed) -> Example:
-    """Clean meshes as people and programs build them: few faces on what is round, bevels, grids."""
+    """Make clean meshes as people and programs model them: coarse round parts, bevels, grids."""
     rng = np.random.default_rng(seed)
     pieces = []
     for i in range(int(rng.integers(1, 7))):
@@ -228,7 +231,7 @@ def modelled(seed) -> Example:
 
 
 def decimated(seed) -> Example:
-    """Statues and crisp parts of few faces, as decimation leaves them: game models, bones."""
+    """Make statues and crisp parts, decimated to few faces as in game models."""
     import fast_simplification  # only for this
 
     rng = np.random.default_rng(seed)
@@ -253,8 +256,8 @@ def decimated(seed) -> Example:
 
 
 def subdivided(seed) -> Example:
-    """Cages of some hundred faces, subdivided: what is modelled for animation."""
-    import fast_simplification  # only for this and the above
+    """Make subdivided cages of some hundred faces, as in models for animation."""
+    import fast_simplification  # only for this and `decimated`
 
     rng = np.random.default_rng(seed)
     kind = str(rng.choice(["statue", "smooth", "part", "filleted"], p=[0.4, 0.2, 0.2, 0.2]))
@@ -271,7 +274,7 @@ def subdivided(seed) -> Example:
 
 
 def displaced(seed) -> Example:
-    """Relief of few edges a wave on an even mesh, with hardly any noise or none."""
+    """Make relief with waves of few edge lengths on an even mesh, with hardly any or no noise."""
     rng = np.random.default_rng(seed)
     v, f, n, edge = even(rng)
     v = v + heights(rng, v, edge, 2.2, 20, 7) * n
@@ -281,7 +284,7 @@ def displaced(seed) -> Example:
 
 
 def softened(seed) -> Example:
-    """Clean crisp meshes of even faces, smoothed in part or all: their creases are wanted."""
+    """Make crisp meshes of even faces, smoothed in part or all; targets are the crisp normals."""
     rng = np.random.default_rng(seed)
     v, f = _CRISP[rng.integers(0, len(_CRISP))](rng)
     v = v * rng.uniform(0.7, 1.3, 3) @ turn(rng)
@@ -306,7 +309,7 @@ def _crisp_again(v, f, shape, h):
 
 
 def as_it_is(mesh, kind, how) -> Example:
-    """An example whose own normals are wanted."""
+    """Make an example whose targets are the mesh's own normals."""
     return Example(mesh, lambda rows: (mesh.normals[rows], mesh.normals[rows]), kind, how)
 
 
@@ -316,7 +319,7 @@ def _unit(rng):
 
 
 def _scattered(rng, v, f, edge, shape, h):
-    # Faces of uneven shapes and sizes, on the solid.
+    # Makes faces uneven in shape and size, with vertices on the solid.
     for _ in range(rng.integers(1, 4)):
         v = v + rng.normal(size=v.shape) * edge * rng.uniform(0.05, 0.3)
         v = nearest(shape, umbrella(v, f, 1, 0.5), h, 2)
@@ -324,7 +327,7 @@ def _scattered(rng, v, f, edge, shape, h):
 
 
 def _net(rng, on, base, cells):
-    # A net of a statue that may stand on something, turned.
+    # Meshes a statue, which may stand on a base, in a random rotation.
     n = int(np.exp(rng.uniform(*np.log(cells))))
     h, q = 2 * EXTENT / (n - 1), turn(rng)
     both = on if base is None else lambda p: np.minimum(on(p), base(p))
@@ -344,10 +347,10 @@ def _grid_faces(rows, columns, closed_rows=False, closed_columns=False):
 
 
 def _profile(rng):
-    # A curve in a plane: straight runs and arcs of few pieces, some corners beveled.
+    # A plane curve: straight runs and arcs of few segments, some corners beveled.
     n = int(rng.integers(3, 9))
     x = np.stack([rng.uniform(0.3, 1.0, n), np.sort(rng.uniform(-1, 1, n))], 1)
-    if rng.random() < 0.6:  # bevels of one to four pieces
+    if rng.random() < 0.6:  # bevels of one to four segments
         pieces, width = int(rng.integers(1, 5)), rng.uniform(0.02, 0.3)
         points = [x[:1]]
         for a, b, c in zip(x, x[1:], x[2:], strict=False):
@@ -401,7 +404,7 @@ def _torus(rng):
 
 
 def _figure(rng):
-    # A cage of some dozen corners, subdivided: what is modelled for animation.
+    # A subdivided cage of some dozen vertices, as in models for animation.
     points = rng.normal(size=(rng.integers(8, 60), 3))
     points /= norm(points)[:, None]
     f = ConvexHull(points).simplices
@@ -434,8 +437,8 @@ def _few_faces(rng):
 
 
 def _panel(rng):
-    # A bent sheet with an outline and holes, cut into as few triangles as its borders allow: body
-    # panels and what programs for construction write.
+    # A bent sheet with an outline and holes, triangulated from its borders and a few inner points,
+    # like body panels and exports of design programs.
     count = int(np.exp(rng.uniform(np.log(12), np.log(70))))
     a = np.arange(count) * 2 * np.pi / count
     square = 1 / np.maximum(abs(np.cos(a)), abs(np.sin(a))) ** rng.uniform(0, 1)
@@ -470,7 +473,7 @@ def _panel(rng):
 
 
 def _plate(rng):
-    # An outline with holes, pulled up: flat caps of long triangles, walls of long ones.
+    # An extruded outline with holes: flat caps and walls, both of long triangles.
     v, f = _panel(rng)
     low, high = v * (1, 1, 0), v * (1, 1, 0) + (0, 0, rng.uniform(0.05, 1.0))
     ends = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]])
@@ -483,8 +486,8 @@ def _plate(rng):
 
 
 def _horn(rng):
-    # A profile that grows along a bent line, its rows uneven, made smooth by cutting: horns, claws,
-    # teeth, straps.
+    # A profile swept along a bent line with changing size and uneven rows, then subdivided: horns,
+    # claws, teeth, straps.
     n, m = int(rng.integers(4, 14)), int(rng.integers(4, 18))
     a = np.arange(n) * 2 * np.pi / n
     t = np.cumsum(rng.uniform(0.1, 1, m) ** rng.uniform(0, 3))
@@ -504,7 +507,7 @@ def _horn(rng):
 
 
 def _low_poly(rng):
-    # All edges are creases; some cut once more.
+    # A rough ball of which all edges are creases; some are subdivided once in place.
     points = rng.normal(size=(rng.integers(60, 700), 3))
     points /= norm(points)[:, None]
     f = _outward(points, ConvexHull(points).simplices)
@@ -519,7 +522,7 @@ def _outward(points, f):
 
 
 def _subdivided(v, f, crisp):
-    """Cut each face into four; smooth as Loop's scheme does, nearly."""
+    """Divide each face into four; unless `crisp`, smooth nearly as Loop subdivision does."""
     ends = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), 1)
     unique, number = np.unique(ends, axis=0, return_inverse=True)
     a, b, c = number.reshape(3, -1) + len(v)
@@ -531,7 +534,7 @@ def _subdivided(v, f, crisp):
 
 
 def _blocks(rng):
-    # Boxes, cut evenly or not; sharp or with one bevel.
+    # Boxes with even or uneven grids; sharp, or with one bevel.
     n = rng.integers(2, 14, 3)
     lines = [np.cumsum(rng.uniform(0.2, 1, k + 1) if rng.random() < 0.5 else np.ones(k + 1))
              for k in n]  # fmt: skip
@@ -541,7 +544,7 @@ def _blocks(rng):
 
 
 def _box_of(lines):
-    # A box that is cut along these coordinates.
+    # A box with grid lines at these coordinates.
     pieces, first = [], 0
     faces = []
     for axis in range(3):
@@ -565,7 +568,7 @@ def _even_block(rng):
 
 
 def _stairs(rng):
-    # A profile of straight runs, cut evenly, along an axis.
+    # A profile of straight runs, extruded along an axis, with an even grid.
     runs = rng.integers(4, 16, rng.integers(2, 7))
     ways = np.cumsum(rng.choice([-1, 1], len(runs)) * np.radians(rng.uniform(30, 100, len(runs))))
     steps = np.concatenate([[np.zeros(2)], np.repeat(
@@ -578,7 +581,7 @@ def _stairs(rng):
 
 
 def _roof(rng):
-    # Creases that run across the edges of an uneven sheet.
+    # A sheet with an uneven grid whose creases do not follow the edges.
     n, ridge, slope = int(rng.integers(16, 60)), rng.uniform(5, 15), rng.uniform(0, 0.5)
     x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
     x, y = (k + rng.uniform(-0.3, 0.3, k.shape) for k in (x, y))
@@ -588,7 +591,7 @@ def _roof(rng):
 
 
 def _faceted_ball(rng):
-    # Between a ball and a polytope; its faces know nothing of the creases.
+    # A shape between ball and polytope, whose faces do not follow the creases.
     n = int(np.exp(rng.uniform(np.log(700), np.log(12000))))
     k = np.arange(n) + 0.5
     up, around = 1 - 2 * k / n, np.pi * (1 + 5**0.5) * k

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Noisy and clean meshes with the normals that their faces should have, made from seeds.
+"""Training examples for denoising: noisy and clean meshes with the true normals of their faces.
 
-What denoising learns from. Angles and heights alone do not tell noise from relief: the shares of
-the kinds, and how high the noise of each width is, decide what of it goes.
+All are made from seeds. Angles and heights alone do not tell noise from relief: which of it is
+removed depends on the shares of the kinds of examples, and on how high noise of each width may be.
 """
 
 from __future__ import annotations
@@ -37,34 +37,35 @@ from shock_filter import core
 
 KINDS = {"clean": 0.12, "crisp": 0.06, "white": 0.21, "field": 0.23, "both": 0.04, "binary": 0.05,
          "range": 0.07, "low": 0.22}  # fmt: skip
-"""Shares: solids out of voxels as they are, with crisp edges, with white noise at their vertices,
-with correlated noise in their voxels, both, out of 0 and 1, as depth cameras see them; and what is
-modelled, decimated, subdivided or uneven, clean and noisy."""
+"""Shares of the kinds. Solids meshed from voxels: without noise, with crisp edges, with white noise
+of the vertices, with correlated noise of the voxels, with both, from voxels of 0 and 1, and as
+depth cameras see them. "low": modelled, decimated, subdivided, uneven or coarse meshes, clean or
+noisy."""
 
 RELIEF = {"clean": 0.75, "crisp": 0.5, "white": 0.2, "field": 0.1, "both": 0.15, "binary": 0.05,
           "range": 0.12, "low": 0.05}  # fmt: skip
-"""Shares of those that have waves all over."""
+"""Share of the examples of each kind whose whole surface has waves."""
 
 LOW = {"modelled": 0.4, "decimated": 0.28, "subdivided": 0.14, "uneven": 0.12, "even": 0.06}
 
 UNTOUCHED, UNTOUCHED_FIGURES = 0.5, 0.65
-"""Shares of these, and of sculptures, that have no noise."""
+"""Shares of meshes without noise: among the kinds of `LOW`, and among `figure`s."""
 
 CAGES, UNTOUCHED_CAGES = {"modelled": 0.3, "decimated": 0.35, "subdivided": 0.35}, 0.6
-"""Shares among meshes of few faces or out of such, and of them what has no noise."""
+"""Shares of the kinds among `cage`s; and the share of `cage` and `divided` without noise."""
 
 FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
-"""Shares among sculptures; see `crease_examples`."""
+"""Shares of the kinds among `figure`s; see `crease_examples`."""
 
 DISPLACED = {"clean": 0.6, "white": 0.25, "wide": 0.15}
-"""Shares among even meshes with relief: without noise, with white noise, and with wide noise."""
+"""Shares among `displaced` meshes: without noise, with white noise, and with correlated noise."""
 
 STEEP_FIRST, SHORT_FIRST = 1_000_000, 2_000_000
-"""Seeds of the first mesh with steep relief, and with short waves; others begin at 0."""
+"""First seeds of `steep` and `short`; those of the other makers begin at 0."""
 
 
 class Example(NamedTuple):
-    """A mesh, the normals (m, 3) that its faces should have, and its kind."""
+    """A mesh, the true normals (m, 3) of its faces, and its kind."""
 
     mesh: core.TriangleMesh
     truth: Floats
@@ -72,7 +73,7 @@ class Example(NamedTuple):
 
 
 def example(seed: int, kind: str | None = None) -> Example:
-    """Make a mesh of any kind or of one, all from a seed."""
+    """Make a mesh of a random or a given kind from a seed."""
     rng = np.random.default_rng(seed)
     cells = int(np.exp(rng.uniform(np.log(34), np.log(72))))
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values()))) if kind is None else kind
@@ -85,7 +86,7 @@ def example(seed: int, kind: str | None = None) -> Example:
     if kind in ("field", "both") or (kind == "binary" and rng.random() < 0.4):
         width = np.exp(rng.uniform(np.log(0.4), np.log(3.2)))
         noise = scipy.ndimage.gaussian_filter(rng.normal(size=d.shape), width)
-        most = 0.6 * min(1.0, 0.85 / width) ** 0.9  # what is wide and high is relief
+        most = 0.6 * min(1.0, 0.85 / width) ** 0.9  # wide and high bumps count as relief
         d = d + np.exp(rng.uniform(np.log(0.03), np.log(most))) * h * noise / noise.std()
     if kind == "binary":
         d = np.where(d < 0, -1.0, 1.0)
@@ -106,12 +107,12 @@ def example(seed: int, kind: str | None = None) -> Example:
 
 
 def rough(seed: int) -> Example:
-    """Make a solid with white noise at its vertices, another one than `example` makes."""
+    """Make a solid with white noise at its vertices, another one than `example` does."""
     return example(10_000 + seed, "white")
 
 
 def figure(seed: int) -> Example:
-    """Make a sculpture with folds and ridges a few edges wide, most of them without noise."""
+    """Make a sculpture with folds and ridges a few edges wide; most have no noise."""
     rng = np.random.default_rng(seed)
     how = str(rng.choice(list(FIGURES), p=list(FIGURES.values())))
     made = getattr(crease_examples, how)(int(rng.integers(1 << 40)))
@@ -126,18 +127,18 @@ def figure(seed: int) -> Example:
 
 
 def cage(seed: int) -> Example:
-    """Make a mesh of few faces, or one that was subdivided from few, most of them without noise."""
+    """Make a mesh of few faces, or one subdivided from few faces; most have no noise."""
     rng = np.random.default_rng(seed)
     how = str(rng.choice(list(CAGES), p=list(CAGES.values())))
     mesh = getattr(crease_examples, how)(int(rng.integers(1 << 40))).mesh
     v = mesh.vertices
-    for _ in range(rng.integers(0, 3)):  # wider here, narrower there
+    for _ in range(rng.integers(0, 3)):  # stretch and squeeze smoothly
         v = v + rng.uniform(0, 0.25) * np.sin(v @ rng.normal(size=(3, 3)) * 2)
     return _low_noisy(rng, v, mesh.faces, how, UNTOUCHED_CAGES, 0.01)
 
 
 def divided(seed: int) -> Example:
-    """Make a mesh of few faces whose faces were divided in place, most of them without noise."""
+    """Make a mesh of few faces, each divided into many in its plane; most have no noise."""
     rng = np.random.default_rng(seed)
     kind = rng.random()
     if kind < 0.4:
@@ -155,9 +156,10 @@ def divided(seed: int) -> Example:
 
 
 def displaced(seed: int, *relief) -> Example:
-    """Make an even mesh whose vertices relief moves along its normals, most without noise.
+    """Make an even mesh with relief, its vertices moved along the normals; most have no noise.
 
-    It is relief of at least 4 edges a wave, or as `even_meshes.wavy` is told.
+    The relief is what `even_meshes.wavy` makes of `relief`; by default its waves have at least 4
+    edges.
     """
     rng = np.random.default_rng(seed)
     v, f, n, edge = even(rng)
@@ -171,24 +173,24 @@ def displaced(seed: int, *relief) -> Example:
     passes = int(rng.integers(1, 12))
     noise = umbrella(rng.normal(size=(len(v), 1)), f, passes)
     width = 0.6 * np.sqrt(passes)
-    most = 0.6 * min(1.0, 0.85 / width) ** 0.9  # what is wide and high is relief
+    most = 0.6 * min(1.0, 0.85 / width) ** 0.9  # wide and high bumps count as relief
     amount = np.exp(rng.uniform(np.log(0.03), np.log(most))) * edge
     v = v + amount * noise / noise.std() * n
     return Example(core.TriangleMesh(v, f), truth, "noisy displaced")
 
 
 def steep(seed: int) -> Example:
-    """Make an even mesh with relief steeper than 30 degrees, of all kinds, most without noise."""
+    """Make an even mesh with relief steeper than 30 degrees; most have no noise."""
     return displaced(STEEP_FIRST + seed, 5, 40, 7, (0.6, 3), 8)
 
 
 def short(seed: int) -> Example:
-    """Make an even mesh with relief of few edges a wave, of all kinds, most without noise."""
+    """Make an even mesh with relief of 3.5 to 8 edges per wave; most have no noise."""
     return displaced(SHORT_FIRST + seed, 3.5, 8, 7)
 
 
 def drawn(seed: int) -> Example:
-    """Make a mesh of few faces, as people draw it: turned bodies, and figures of uneven quads."""
+    """Make a mesh of few faces, like a hand-made one: a lathed body, or one of uneven quads."""
     rng = np.random.default_rng(seed)
     if rng.random() < 0.5:
         v, f = _turned(rng)
@@ -197,13 +199,13 @@ def drawn(seed: int) -> Example:
         d, h = _grid(shape, int(rng.integers(10, 26)))
         v, f = _meshed(rng, d, h)
         v = nearest(shape, v, h)
-        for _ in range(rng.integers(0, 4)):  # wider here, narrower there
+        for _ in range(rng.integers(0, 4)):  # stretch and squeeze smoothly
             v = v + rng.uniform(0, 0.25) * np.sin(v @ rng.normal(size=(3, 3)) * 2)
     return _low_noisy(rng, v, f, "drawn")
 
 
 def solid(rng, cells: int, waves: bool) -> Solid:
-    """A random solid in a box: simple parts joined, cut or blended; with relief all over or not."""
+    """Make a random solid in a box: simple parts joined, cut or blended, perhaps with waves."""
     organic = rng.random() < 0.45
     smooth = organic and rng.random() < 0.6  # without any crease
     shape = _primitive(rng, rng.uniform(1.2, 1.7), smooth)
@@ -226,7 +228,7 @@ def solid(rng, cells: int, waves: bool) -> Solid:
 
 
 def _primitive(rng, size, smooth):
-    # Around the origin.
+    # A random simple solid around the origin.
     a, b, c = rng.uniform(0.25, 0.65, 3) * size
     kind = rng.choice([2, 5, 5, 6]) if smooth else rng.integers(0, 8)
     if kind <= 2:  # a box, perhaps rounded
@@ -245,7 +247,7 @@ def _added(shape, relief):
 
 
 def _features(rng):
-    # Of power falling with frequency; what is fine is in places: noise is everywhere.
+    # Relief of power falling with frequency. Fine relief is local, unlike noise.
     local = rng.random() < 0.6
     waves = [(f, f * rng.normal(size=(5, 3)), rng.uniform(0, 6.3, 5)) for f in (3, 6, 10)]
     waves = waves[: 2 + local]
@@ -270,7 +272,7 @@ def _meshed(rng, d, h):
 
 
 def _crisp(rng, shape, v, f, h):
-    # Even faces, and edges on the creases, as computer-aided design gives.
+    # Makes faces even and moves edges onto the creases, as in meshes of design programs.
     for _ in range(rng.integers(2, 6)):
         v = nearest(shape, umbrella(v, f, 1, 0.7), h)
     mesh = core.TriangleMesh(v, f)
@@ -289,7 +291,7 @@ def _thinned(v, f, share):
 
 
 def _moved(rng, v, f, normals):
-    # White noise in all directions, along the normals, or of few vertices.
+    # Adds white noise: in all directions or along the normals, of all or few vertices.
     amount = np.exp(rng.uniform(np.log(0.03), np.log(0.65))) * mean_edge(v, f)
     move = rng.normal(size=v.shape) * amount
     if rng.random() < 0.4:
@@ -305,7 +307,7 @@ def _moved(rng, v, f, normals):
 
 
 def _range_image(rng, shape, cells):
-    # Depths along parallel rays, with noise and in steps.
+    # Depths along parallel rays, with noise, and mostly rounded to steps.
     line = (np.arange(cells) - cells / 2 + 0.5) * 2.6 / cells
     x, y = np.meshgrid(line, line, indexing="ij")
     z, hit, h = np.full(x.shape, 1.6), np.zeros(x.shape, bool), line[1] - line[0]
@@ -331,7 +333,7 @@ def _range_image(rng, shape, cells):
 
 
 def _low(rng, shape, cells):
-    # Their own normals are wanted.
+    # A mesh of a kind in `LOW`, whose own normals without noise are the truth.
     how = str(rng.choice(list(LOW), p=list(LOW.values())))
     if how in ("modelled", "decimated", "subdivided"):
         mesh = getattr(crease_examples, how)(int(rng.integers(1 << 40))).mesh
@@ -346,7 +348,7 @@ def _low(rng, shape, cells):
 
 
 def _low_noisy(rng, v, f, how, untouched=UNTOUCHED, least=0.05):
-    # Open or not, noisy or not.
+    # Cuts away a part of some meshes, and adds noise to some.
     if how != "even" and rng.random() < 0.3:  # a part is cut away
         d = v[f].mean(1) @ rng.normal(size=3)
         used, f = np.unique(f[d < np.quantile(d, rng.uniform(0.6, 0.97))], return_inverse=True)
@@ -355,11 +357,11 @@ def _low_noisy(rng, v, f, how, untouched=UNTOUCHED, least=0.05):
     if rng.random() < untouched:
         return Example(mesh, mesh.normals, how)
     lengths = norm(v[f] - v[f[:, [1, 2, 0]]], 2)
-    if how in ("modelled", "drawn") or rng.random() < 0.3:  # of the shortest edge
+    if how in ("modelled", "drawn") or rng.random() < 0.3:  # noise relative to the shortest edge
         local = np.full(len(v), np.inf)
         for k in range(3):
             np.minimum.at(local, f[:, k], lengths.min(1))
-    elif rng.random() < 0.5:  # of those around
+    elif rng.random() < 0.5:  # relative to the mean edge around the vertex
         total, count = np.zeros(len(v)), np.zeros(len(v))
         for k in range(3):
             np.add.at(total, f[:, k], lengths.mean(1))
@@ -375,7 +377,7 @@ def _low_noisy(rng, v, f, how, untouched=UNTOUCHED, least=0.05):
 
 
 def _uneven(rng, shape, cells):
-    # Faces of a grid whose lines are not evenly apart.
+    # Meshes a solid on a grid with uneven spacing.
     steps = scipy.ndimage.gaussian_filter(rng.normal(size=(3, cells)), (0, rng.uniform(0.3, 3)))
     lines = np.cumsum(np.exp(3 * rng.uniform(0.3, 1.2) * steps), axis=1)
     lines -= lines[:, :1]
@@ -387,7 +389,7 @@ def _uneven(rng, shape, cells):
 
 
 def _ring(rng):
-    # A polygon turned around an axis beside it.
+    # A ring: a polygon rotated around an axis beside it.
     corners, sides = int(rng.integers(3, 8)), int(np.exp(rng.uniform(*np.log((5, 90)))))
     if rng.random() < 0.4:
         angle = np.sort(rng.uniform(0, 2 * np.pi, corners))
@@ -405,7 +407,7 @@ def _ring(rng):
 
 
 def _turned(rng):
-    # Cones, cylinders, lathes, balls of a few rings, closed by fans; long thin faces.
+    # Cones, cylinders, lathed bodies and balls of few rings, closed by fans, with long thin faces.
     sides, rings = (int(np.exp(rng.uniform(*np.log(ends)))) for ends in ((3, 70), (2, 30)))
     t, kind = np.linspace(0, 1, rings), rng.integers(0, 4)
     z = rng.uniform(0.1, 3) * t

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Signed distances of solids, near enough: functions of points (k, 3) that are negative inside."""
+"""Approximate signed distance functions of solids: of points (k, 3), negative inside."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Solid = Callable[[Floats], Floats]
 
 
 def norm(x: Floats, axis: int = 1) -> Floats:
-    """Lengths of short rows, as of `numpy.linalg.norm`: column by column, which is faster."""
+    """Return the lengths of short rows, faster than `numpy.linalg.norm`."""
     return np.sqrt(sum(c * c for c in np.moveaxis(x, axis, 0)))
 
 
 def greatest(x: Floats) -> Floats:
-    """Greatest values of short rows."""
+    """Return the greatest value of each short row."""
     return reduce(np.maximum, x.T)
 
 
 def turn(rng: np.random.Generator) -> Floats:
-    """A random rotation."""
+    """Return a random rotation matrix."""
     q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     return q * np.sign(np.linalg.det(q))
 
@@ -40,7 +40,7 @@ def box(centre: npt.ArrayLike, half: npt.ArrayLike) -> Solid:
 
 
 def cylinder(centre, radius, half, axis=2, slope=0.0) -> Solid:
-    """A cylinder, or with a slope a cone."""
+    """A cylinder; with a slope, a truncated cone."""
     k, c = [i for i in range(3) if i != axis], np.array(centre, float)
 
     def distance(p):
@@ -102,9 +102,9 @@ def minus(a: Solid, *solids: Solid) -> Solid:
 
 
 def joined(first: Solid, *others: Solid) -> Solid:
-    """Their union, with true depths behind concave edges where they meet at right angles.
+    """The union of solids, with exact inner distances at concave edges of 90 degrees.
 
-    The lesser of two distances is too short there, and voxels' edges are cut at other places.
+    Their minimum is too short there, so that voxel edges would be crossed at wrong points.
     """
 
     def distance(p):
@@ -118,7 +118,7 @@ def joined(first: Solid, *others: Solid) -> Solid:
 
 
 def cut(first: Solid, *others: Solid) -> Solid:
-    """The first without the others, with true distances beyond edges at right angles."""
+    """The first solid minus the others, with exact outer distances at edges of 90 degrees."""
 
     def distance(p):
         d = first(p)
@@ -131,13 +131,13 @@ def cut(first: Solid, *others: Solid) -> Solid:
 
 
 def _longer(x, y):
-    # sqrt(x^2 + y^2) over the greater of them where both are positive, else 1.
+    # sqrt(x^2 + y^2) / max(x, y) where both are positive, else 1.
     less, more = np.maximum(np.minimum(x, y), 0), np.maximum(np.maximum(x, y), 1e-12)
     return np.sqrt(1 + (less / more) ** 2)
 
 
 def profile(corners: Floats) -> Solid:
-    """A polygon in the plane: function of points (k, 2); corners run counterclockwise."""
+    """A polygon in the plane, a function of points (k, 2); the order of corners is free."""
     begin, end = corners, np.roll(corners, -1, axis=0)
     along = end - begin
     squared = np.maximum((along**2).sum(1), 1e-30)
@@ -156,7 +156,7 @@ def profile(corners: Floats) -> Solid:
 
 
 def extruded(outline: Solid, half: float, axis: int = 2) -> Solid:
-    """What lies between two copies of a flat outline."""
+    """A plane outline, extruded along an axis by `half` to either side."""
     k = [i for i in range(3) if i != axis]
 
     def distance(p):
@@ -167,7 +167,7 @@ def extruded(outline: Solid, half: float, axis: int = 2) -> Solid:
 
 
 def turned(outline: Solid, axis: int = 2) -> Solid:
-    """What an outline sweeps that turns around an axis; its points are (radius, height)."""
+    """The solid of revolution of an outline, whose points are (radius, height)."""
     k = [i for i in range(3) if i != axis]
     return lambda p: outline(np.stack([norm(p[:, k]), p[:, axis]], 1))
 
@@ -194,7 +194,7 @@ def blend(a: Solid, b: Solid, width: float) -> Solid:
 
 
 def round_union(a: Solid, b: Solid, radius: float) -> Solid:
-    """A union whose seam has a fillet of this radius; both must be distances."""
+    """A union with a fillet of this radius at the seam; needs exact distances."""
 
     def distance(p):
         x, y = a(p), b(p)
@@ -205,7 +205,7 @@ def round_union(a: Solid, b: Solid, radius: float) -> Solid:
 
 
 def waved(s: Solid, rng, high, frequency) -> Solid:
-    """Relief, of power falling with frequency."""
+    """Add relief whose amplitude falls with frequency."""
     ways = rng.normal(size=(6, 3))
     ways *= (frequency * rng.uniform(0.5, 2.0, 6) / norm(ways))[:, None]
     start, share = rng.uniform(0, 6.3, 6), frequency / norm(ways)
@@ -213,7 +213,7 @@ def waved(s: Solid, rng, high, frequency) -> Solid:
 
 
 def bumpy(centre, radius, rng, high, frequency) -> Solid:
-    """A ball whose radius goes up and down."""
+    """A ball of varying radius."""
     w, o = frequency * rng.uniform(0.7, 1.3, 3), rng.uniform(0, 6.3, 3)
 
     def distance(p):
@@ -226,13 +226,13 @@ def bumpy(centre, radius, rng, high, frequency) -> Solid:
 
 
 def gradient(s: Solid, p: Floats, step: float = 1e-4) -> Floats:
-    """Unit normals of the level sets."""
+    """Return the unit normals of the level sets."""
     g = np.stack([s(p + step * a) - s(p - step * a) for a in np.eye(3)], 1)
     return g / np.maximum(norm(g), 1e-12)[:, None]
 
 
 def nearest(s: Solid, p: Floats, most: float, rounds: int = 4) -> Floats:
-    """Go to the surface by Newton's steps, each at most so long."""
+    """Project points onto the surface by Newton steps that use distances up to `most`."""
     for _ in range(rounds):
         n = np.stack([s(p + 2e-4 * a) - s(p - 2e-4 * a) for a in np.eye(3)], 1) / 4e-4
         p = p - (np.clip(s(p), -most, most) / np.maximum((n * n).sum(1), 0.3))[:, None] * n
@@ -240,7 +240,10 @@ def nearest(s: Solid, p: Floats, most: float, rounds: int = 4) -> Floats:
 
 
 def truths(s: Solid, centres: Floats, edge: float, most: float) -> tuple[Floats, Floats]:
-    """The normal at the nearest place, and the one across a crease within 0.1 edges, if any."""
+    """Return the normals at the nearest points, and those across creases within 0.1 edge lengths.
+
+    Where there is no crease, both are the same.
+    """
     c = nearest(s, centres, most)
     first = gradient(s, c)
     second, least = first.copy(), np.full(len(c), np.cos(np.radians(15)))

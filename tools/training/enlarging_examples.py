@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How pictures to learn enlarging from are reduced; they are those of `image_examples`."""
+"""Reduces the pictures of `image_examples`, as examples for training to enlarge."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WAYS = {
     Image.Resampling.BOX: 0.25,
     Image.Resampling.BILINEAR: 0.1,
 }
-"""How pictures are reduced, and how often."""
+"""Filters that reduce pictures, and the probability of each."""
 
 
 def _bytes(values):
@@ -23,7 +23,7 @@ def _bytes(values):
 
 
 def reduced(random, image, times):
-    """Reduce a picture as programs do; some have halos, light noise, or were stored as JPEG."""
+    """Reduce a picture as programs do, some with halos, light noise, or JPEG compression."""
     given = image.astype(np.float64)
     if random.random() < 0.12:
         s = random.uniform(0.2, 0.35) * times

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Even meshes with relief, as displacement makes them; both kinds of examples use them."""
+"""Even meshes with relief, as from displacement, for training both creases and denoising."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shock_filter.core.mesh.calculus import average_to_vertices
 
 
 def even(rng):
-    """Return the vertices, faces, normals at vertices and mean edge of a mesh of even faces."""
+    """Make a mesh of even faces: vertices, faces, vertex normals, and the mean edge length."""
     v, f = _shape(rng)
     mesh = core.TriangleMesh(v, f)
     n = average_to_vertices(mesh, mesh.normals)
@@ -21,7 +21,7 @@ def even(rng):
 
 
 def heights(rng, v, edge, *which):
-    """Return relief as from `wavy`, everywhere or in places."""
+    """Return the heights, at vertices, of relief as from `wavy`, everywhere or in places."""
     relief = wavy(rng, edge, *which)
     if rng.random() < 0.3:
         one, other = relief, wavy(rng, edge, *which)
@@ -34,9 +34,11 @@ def heights(rng, v, edge, *which):
 
 
 def wavy(rng, h, shortest, longest=40, kinds=5, slopes=(0.12, 1), highest=3):
-    """Relief all over a surface of edges `h`, `shortest` to `longest` edges a wave.
+    """Make relief for a mesh of edge length `h`: a function from points to heights.
 
-    It is of one of the first so many kinds: 5 are waves, 7 are all, up or down.
+    Its wavelength is `shortest` to `longest` edge lengths, its slope in the range `slopes`, and its
+    height at most `highest` edge lengths. It is one of the first `kinds` kinds: 5
+    are waves, 7 add clouds and cells, and turn half of all relief upside down.
     """
     length = np.exp(rng.uniform(np.log(shortest), np.log(longest)))
     steep = np.exp(rng.uniform(*np.log(slopes)))
@@ -49,7 +51,7 @@ def wavy(rng, h, shortest, longest=40, kinds=5, slopes=(0.12, 1), highest=3):
     lattice = rng.normal(size=(3, 16, 16, 16)) if kinds > 5 else None
 
     def wave(p):
-        if kind == 0:  # from all sides
+        if kind == 0:  # waves from all directions
             return np.sin(p @ k.T + off).mean(1) * 4
         if kind == 1:  # bumps in rows
             rows = [np.sin(p @ (norm(k)[i] * q[:, i]) + off[i]) for i in (0, 1)]
@@ -64,7 +66,7 @@ def wavy(rng, h, shortest, longest=40, kinds=5, slopes=(0.12, 1), highest=3):
         if kind == 5:  # clouds, or the same with sharp valleys
             each = [_noise(lattice[i], 2 ** (i + 1) * p) / 2**i for i in range(octaves)]
             return 2 * sum(each if off[3] > 2.5 else map(abs, each))
-        d = _to_nearest(lattice, p)  # cells, or bumps and dimples apart
+        d = _to_nearest(lattice, p)  # cells, or separate bumps and dimples
         return 3 * d if off[3] < 2 else 2 * np.sqrt(np.maximum(1 - (d / 0.45) ** 2, 0))
 
     sign = rng.choice([-1, 1]) if kinds > 5 else 1
@@ -72,12 +74,12 @@ def wavy(rng, h, shortest, longest=40, kinds=5, slopes=(0.12, 1), highest=3):
 
 
 def _noise(lattice, p):
-    # Random values at whole numbers, smooth between.
+    # Smoothly interpolates random values at lattice points.
     return scipy.ndimage.map_coordinates(lattice, p.T, order=2, mode="grid-wrap")
 
 
 def _to_nearest(lattice, p):
-    # Distances to the nearest point, of one in each cell.
+    # Distances to the nearest of random points, one in each cell.
     cell, nearest = np.floor(p).astype(int), np.full(len(p), np.inf)
     for step in np.ndindex(3, 3, 3):
         at = cell + np.array(step) - 1
@@ -87,9 +89,9 @@ def _to_nearest(lattice, p):
 
 
 def _shape(rng):
-    # A ball, a sheet, a pipe or a ring out of even faces.
+    # A ball, a sheet, a pipe or a ring of even faces.
     kind = rng.integers(0, 5)
-    if kind == 0:  # of a polyhedron whose faces were divided
+    if kind == 0:  # a ball from a polyhedron whose faces are divided
         v, f = _polyhedron(rng)
         for _ in range(rng.integers(4, 6)):
             v, f = halved(v, f)
@@ -115,7 +117,7 @@ def _shape(rng):
 
 
 def _quads(rng, v, closed):
-    # Two triangles for each quad of a grid of vertices, by one diagonal or by turns.
+    # Splits the quads of a vertex grid into triangles, by equal or alternating diagonals.
     rows, columns = v.shape[:2]
     i, j = np.mgrid[: rows - 1, : columns - (not closed)]
     at = lambda x, y: (x * columns + y % columns).reshape(-1)  # noqa: E731
@@ -140,7 +142,7 @@ def _polyhedron(rng):
 
 
 def halved(v, f):
-    """Four faces for each, by the middles of its edges; nothing moves."""
+    """Divide each face into four at the midpoints of its edges; vertices do not move."""
     ends = np.sort(f[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     used, index = np.unique(ends, axis=0, return_inverse=True)
     a, b, c = (index.reshape(-1, 3) + len(v)).T

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures to learn sharpening from, made from seeds.
+"""Synthetic pictures for training to sharpen images, made from seeds.
 
-Shapes that hide one another with flat, shaded and textured fills, textures alone, drawings with
-lines and text, and mixtures; drawn at four times the size and averaged.
+They are overlapping shapes with flat, shaded and textured fills, plain textures, drawings with
+lines and text, and mixtures of these. They are drawn at four times the size and averaged.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def power_field(random, n, slope):
 
 
 def cells(random, n, count):
-    """Cells around random places, each of its own value, darker between them."""
+    """Make cells around random points, each of its own brightness, with darker gaps."""
     places = random.uniform(0, n, (count, 2))
     y, x = np.mgrid[0:n:2, 0:n:2]
     away, own = cKDTree(places).query(np.stack([y, x], 2).reshape(-1, 2), k=2)
@@ -43,7 +43,7 @@ def cells(random, n, count):
 
 
 def strokes(random, n, count, curved=False):
-    """Many short lines of different brightness, as of grass or fur."""
+    """Draw many short lines of different brightness, like grass or fur."""
     image = Image.new("F", (n, n), 0.0)
     draw = ImageDraw.Draw(image)
     way, spread = random.uniform(0, np.pi), random.choice([0.15, 0.5, 3.0])
@@ -96,7 +96,7 @@ def bank():
 
 
 def piece(random, n):
-    """A part of some texture, turned, enlarged or not."""
+    """Cut a random part out of a random texture, rotate it, and perhaps enlarge it."""
     field = bank()[random.integers(len(bank()))]
     zoom = random.choice([1, 1, 2])
     m = n // zoom
@@ -108,7 +108,7 @@ def piece(random, n):
 
 
 def colors(random, count, grayness):
-    """Colors that differ more in brightness than in hue."""
+    """Choose random colors that differ more in brightness than in hue."""
     gray = random.uniform(0, 1, (count, 1))
     return np.clip(gray + (1 - grayness) * random.normal(size=(count, 3)) * 0.25, 0, 1).astype(
         np.float32
@@ -140,7 +140,7 @@ def outline(random, x, y, r):
 
 
 def labels(random, n, count, least, most, power=3.0):
-    """A map of numbers, of shapes of power-law sizes that hide one another."""
+    """Make a label map of overlapping shapes whose sizes follow a power law."""
     image = Image.new("I", (n, n), 0)
     draw = ImageDraw.Draw(image)
     u = random.random(count)
@@ -155,7 +155,7 @@ def labels(random, n, count, least, most, power=3.0):
 
 
 def filled(random, label, grayness, textured, shaded):
-    """Give each number a color, a gradient and a texture: (n, n, 3)."""
+    """Fill each label with a color, a gradient and a texture: (n, n, 3)."""
     n, count = label.shape[0], label.max() + 1
     base = colors(random, count, grayness)
     if random.random() < 0.3:  # few colors
@@ -184,7 +184,7 @@ def filled(random, label, grayness, textured, shaded):
 
 
 def text(random, image, n):
-    """Write some lines on an image, in place."""
+    """Write lines of random letters on an image, in place."""
     mask = Image.new("L", (n, n), 0)
     draw = ImageDraw.Draw(mask)
     size = int(FINE * np.exp(random.uniform(np.log(7), np.log(50))))
@@ -313,7 +313,7 @@ def truth(random):
 
 
 def hues(random, n):
-    """Colors that change slowly: around a point, across the picture, or from place to place."""
+    """Make slowly changing colors: around a point, across the picture, or at random."""
     y, x = np.mgrid[:SIZE, :SIZE].astype(np.float32)
     kind = random.integers(4)
     if kind == 0:
@@ -337,7 +337,7 @@ def hues(random, n):
 
 
 def areas(random, n):
-    """A map of numbers, of areas that fill the picture and meet three by three."""
+    """Make a label map of Voronoi cells, three of which meet at each corner."""
     points = random.uniform(0, n, (random.integers(3, 50), 2))
     places = np.mgrid[:n, :n].astype(np.float32)
     if random.random() < 0.5:
@@ -349,7 +349,7 @@ def areas(random, n):
 
 
 def plain(random):
-    """A few large shapes, of one color or of such as change slowly: bytes (SIZE, SIZE, 3)."""
+    """Make few large shapes of plain or slowly changing color: bytes (SIZE, SIZE, 3)."""
     n = SIZE * FINE
     if random.random() < 0.3:
         label = areas(random, n)
@@ -366,5 +366,5 @@ def plain(random):
 
 
 def as_bytes(values):
-    """Round to bytes."""
+    """Round and clip to bytes."""
     return np.rint(values).clip(0, 255).astype(np.uint8)

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of patterns without any border: waves, lumps and spots, which are to stay as they are.
+"""Pictures of patterns without borders, waves, lumps and spots, which must not be sharpened.
 
-Where waves are a few pixels long, or many, they look like blurred stripes; but stripes have even
-places between their borders.
+Waves look much like blurred stripes, but stripes have flat areas between their borders.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from scipy import ndimage
 
 
 def _turned(random):
-    # Places along a way and across it, straight or bent.
+    # Coordinates along a random direction and across it, straight or bent.
     y, x = np.mgrid[:SIZE, :SIZE].astype(float)
     if random.random() < 0.4:
         for axis in (y, x):
@@ -24,7 +23,7 @@ def _turned(random):
 
 
 def waves(random):
-    """Waves in one direction, in two, or with the rings of a zone plate, 2.3 to 60 pixels long."""
+    """Waves in one direction, in two, or in rings of a zone plate; lengths are 2.3 to 60 pixels."""
     along, across = _turned(random)
     length = np.exp(random.uniform(np.log(2.3), np.log(60)))
     k = 2 * np.pi / length
@@ -41,7 +40,7 @@ def waves(random):
 
 
 def lumps(random):
-    """Noise through a Gaussian, and sums of such."""
+    """Noise smoothed by a Gaussian, or the sum of two scales of it."""
     sigma = np.exp(random.uniform(np.log(1), np.log(10)))
     field = ndimage.gaussian_filter(random.normal(size=(SIZE, SIZE)), sigma, mode="wrap")
     field /= field.std()
@@ -63,7 +62,7 @@ def spots(random):
 
 
 def patterned(random):
-    """Make a picture of one pattern, or of some with crisp borders between: bytes (n, n, 3)."""
+    """Make a picture of one pattern, or of several with crisp borders: bytes, (n, n, 3)."""
     count = 1 if random.random() < 0.6 else int(random.integers(2, 6))
     label = labels(random, SIZE, 6, SIZE / 6, SIZE / 2) % count
     image = np.zeros((SIZE, SIZE, 3))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spoiled copies of made pictures: blurred, reduced, noisy, compressed."""
+"""Degrades synthetic pictures: by blur, reduction, noise and compression."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from scipy import ndimage
 
 
 class Copy(NamedTuple):
-    """A spoiled copy of a picture."""
+    """A degraded copy of a picture."""
 
     given: np.ndarray
     same: bool = False
-    """Whether nothing spoiled it."""
+    """True if it is not degraded."""
     square: float = 0.0
-    """Squared sigma of the blur; 0 where it is not known."""
+    """Squared sigma of the blur, in pixels; 0 if unknown."""
 
 
 def disk(radius, thin=1.0, turn=0.0):
@@ -37,7 +37,7 @@ def disk(radius, thin=1.0, turn=0.0):
 
 
 def spoiled(random, image):
-    """Spoil a picture in one of many ways, or not at all."""
+    """Degrade a picture in one of many ways, or not at all."""
     given, square = image.astype(np.float64), 0.0
     kind = random.random()
     if kind < 0.14:
@@ -99,7 +99,7 @@ def _jpeg(image, quality):
 
 
 WIDELY = 30000
-"""From this seed on, the pictures from 10000 on are made again, and blurred widely."""
+"""From this seed on, the pictures of the seeds from 10000 on are used again, with wide blur."""
 
 
 def widely(random, image):
@@ -119,12 +119,12 @@ def widely(random, image):
 
 
 SOFTLY = 50000
-"""From this seed on, the pictures from 10000 on become softer than any blur to take away is: shapes
-as an airbrush leaves them are to stay."""
+"""From this seed on, the pictures of the seeds from 10000 on are softened more than any blur that
+is to be removed. They are targets: soft shapes, as of an airbrush, must stay soft."""
 
 
 def softened(random, image):
-    """Soften a picture all over, or beside a line."""
+    """Soften a whole picture, or one side of a line."""
     values = image.astype(np.float64)
     s = np.exp(random.uniform(np.log(7), np.log(22)))
     soft = ndimage.gaussian_filter(values, (s, s, 0), mode="mirror")
@@ -140,11 +140,11 @@ def softened(random, image):
 
 
 PLAINLY = 70000
-"""From this seed on, pictures are of a few plain shapes: in bytes, wide borders become steps of one
-level that are several pixels wide."""
+"""From this seed on, pictures have a few plain shapes. In bytes, their blurred borders become
+stairs, with steps of one level several pixels wide."""
 
 WIDE = 5.0
-"""Borders of plain shapes with a larger sigma are painted so."""
+"""Softer borders of plain shapes, with a larger sigma in pixels, belong to the target picture."""
 
 
 def plainly(random, image):
@@ -164,11 +164,11 @@ def plainly(random, image):
 
 
 PATTERNED = 90000
-"""From this seed on, pictures are of patterns without borders, one of the copies as it is."""
+"""From this seed on, pictures have patterns without borders; the first copy is not degraded."""
 
 
 def narrowly(random, image):
-    """Blur less than that, or not at all."""
+    """Blur a picture narrowly, or not at all."""
     if random.random() < 0.25:
         return Copy(image.copy(), True)
     s = random.uniform(0.4, 3.5)
@@ -177,7 +177,7 @@ def narrowly(random, image):
 
 
 def backed(random, image, copies):
-    """Lay a truth and its copies on one color, with crisp rims, as charts lie in an atlas."""
+    """Cover parts of a picture and its copies by one color, with crisp rims, like an atlas."""
     label = labels(random, SIZE, random.integers(2, 7), SIZE / 5, SIZE / 2, random.uniform(1.2, 2))
     hidden = (label == label.max() if random.random() < 0.5 else label == 0)[..., None]
     color = random.choice([0, 128, 255, *random.integers(0, 256, 3)])
@@ -188,11 +188,11 @@ def backed(random, image, copies):
 
 
 SPOTTED, ALONE = 0.3, 0.15
-"""Share of the pictures with soft spots among their borders, and of plain ones with them alone."""
+"""Share of the pictures with soft spots on them, and of plain pictures with nothing else."""
 
 
 def spotted(random, image, sigmas=(1.5, 8.0)):
-    """Paint spots with soft rims on a picture, as an airbrush does: they are to stay soft."""
+    """Paint spots with soft rims on a picture, as an airbrush does, which must stay soft."""
     values = image.astype(np.float64)
     for _ in range(random.integers(1, 4)):
         label = labels(random, SIZE, int(random.integers(2, 16)), 3, random.uniform(10, 40), 2.0)
@@ -209,11 +209,12 @@ def spotted(random, image, sigmas=(1.5, 8.0)):
 
 
 TOLD, PARTLY = 0.25, 0.3
-"""Share of the copies whose blur is told; and of those, which are to lose a part of it alone."""
+"""Share of the copies whose width of blur is given to the network; and the share of these from
+which only a part of the blur is to be removed."""
 
 
 def told(random, image, copy, most):
-    """Choose the squared width that is told, 0 for none, and the truth that belongs to it."""
+    """Choose the squared sigma that is given to the network, 0 for none, and the target for it."""
     if copy.square == 0 or random.random() > TOLD:
         return 0.0, image
     if random.random() < PARTLY or copy.square > most:
@@ -225,7 +226,7 @@ def told(random, image, copy, most):
 
 
 def example(seed, count=3):
-    """Make a truth, bytes (n, n, 3), and spoiled copies."""
+    """Make a target picture, bytes (n, n, 3), and degraded copies of it."""
     random = np.random.default_rng(seed)
     again = lambda first: truth(np.random.default_rng(seed - first + 10000))  # noqa: E731
     if seed < WIDELY:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Examples of creases on disk: meshes, some of their faces, and the normals these should have."""
+"""Stores examples of creases on disk: meshes, sampled faces, and their target normals."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from shock_filter import core
 from shock_filter.core.mesh.calculus import average_to_faces, average_to_vertices, smooth_vertices
 
 FACES = 24, 60_000
-"""Fewest and most of a mesh that counts."""
+"""Fewest and most faces of a mesh that is used."""
 
 ROWS = 2400
-"""Faces of each mesh: two thirds where normals differ from those around, the others anywhere."""
+"""Most faces sampled from a mesh: two thirds where normals differ from those around them, the
+others anywhere."""
 
 DIFFERS = np.cos(np.radians(4.0))
 
 
 def _clean(make: Callable, seed: int) -> examples.Example:
-    # What denoising learns from and is without noise.
+    # An example of denoising, if it has no noise.
     mesh, _, kind = make(seed)
     if kind.startswith("noisy"):
         raise ValueError("This one has noise.")
@@ -78,11 +79,11 @@ MAKERS: dict[str, Callable[[int], examples.Example]] = {
     "drawn": partial(_clean, denoise_examples.drawn),
     "divided": partial(_clean, denoise_examples.divided),
 }
-"""What is learned from, by name."""
+"""Makers of training examples, by name."""
 
 
 def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]:
-    """Make so many of each; those that are in the folder already are left as they are."""
+    """Make a number of examples of each maker; files that exist in the folder are kept."""
     jobs = [(name, seed, folder) for name, count in counts.items() for seed in range(count)]
     folder.mkdir(parents=True, exist_ok=True)
     if processes == 1:
@@ -99,7 +100,7 @@ def _make(name: str, seed: int, folder: Path) -> Path | None:
         return path
     try:
         example = MAKERS[name](_seed(name, seed))
-    except (IndexError, ValueError, core.ShockError):  # nothing is left of it, or it is noisy
+    except (IndexError, ValueError, core.ShockError):  # the solid is empty, or the mesh has noise
         return None
     mesh = example.mesh
     if not FACES[0] <= mesh.face_count <= FACES[1] or not mesh.areas.min() > 0:
@@ -109,7 +110,7 @@ def _make(name: str, seed: int, folder: Path) -> Path | None:
     off = np.degrees(np.arccos(np.clip(np.maximum(
         (one * mesh.normals[rows]).sum(1), (two * mesh.normals[rows]).sum(1)), -1, 1)))  # fmt: skip
     if (off > 60).mean() > 0.1:
-        return None  # the mesh is not one of the solid
+        return None  # the mesh does not fit the solid
     part = path.with_suffix(".part")
     with part.open("wb") as file:
         np.savez(file, vertices=mesh.vertices.astype(np.float32), faces=mesh.faces, rows=rows,

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures to learn sharpening of vertex colors from: those of `image_examples`, on flat meshes.
+"""Examples for training to sharpen vertex colors: pictures of `image_examples` on flat meshes.
 
-Each picture is sampled at the vertices of a mesh made from the same seed, and spoiled there: seen
-through a blur, smoothed from vertex to vertex, or read from fewer vertices; and with noise.
+Each picture is sampled at the vertices of a mesh made from the same seed, and degraded: blurred
+before sampling, smoothed from vertex to vertex, or interpolated from fewer vertices; then noise may
+be added.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from scipy.sparse import csr_matrix, diags_array
 from scipy.spatial import Delaunay, cKDTree
 
 SIDE = 92
-"""Vertices along a side of a mesh."""
+"""Number of vertices along a side of a mesh."""
 
 SPOILED = 3
-"""Copies of each picture."""
+"""Number of degraded copies of each picture."""
 
 
 def regular(random):
@@ -42,7 +43,7 @@ def jittered(random):
 
 
 def scattered(random):
-    """Random places, which keep some distance or not."""
+    """Random points, some with a least distance between them."""
     least = random.uniform(0, 0.75)
     places = random.uniform(0, SIDE, ((2 if least < 0.5 else 5) * SIDE**2, 2))
     tree, kept = cKDTree(places), np.ones(len(places), bool)
@@ -60,7 +61,7 @@ def hexagonal(random):
 
 
 def subdivided(random):
-    """A coarse mesh whose faces are divided twice."""
+    """A coarse mesh whose faces are divided into four, twice."""
     coarse = random.uniform(0, SIDE, (SIDE**2 // 16, 2))
     coarse = coarse[cKDTree(coarse).query(coarse, 2)[0][:, 1] > random.uniform(0.5, 2)]
     places, faces = joined(coarse, 4.0)
@@ -77,7 +78,7 @@ def subdivided(random):
 
 
 def cut(random):
-    """What marching cubes make of a slanted plane."""
+    """A slanted plane meshed by marching cubes."""
     from skimage.measure import marching_cubes
 
     normal = np.abs(random.normal(size=3)) + 0.1
@@ -93,7 +94,7 @@ def cut(random):
 
 
 def joined(places, unit=1.0):
-    """Join places to triangles; those along the rim that are slivers are left out."""
+    """Triangulate points; slivers along the rim are left out."""
     faces = Delaunay(places).simplices
     sides = places[faces] - places[faces[:, [1, 2, 0]]]
     squares = (sides**2).sum((1, 2))
@@ -108,11 +109,11 @@ MESHES = regular, regular, regular, jittered, jittered, scattered, hexagonal, su
 
 
 def mesh_of(random):
-    """Make a mesh; its unit of length is the root of a vertex's area."""
+    """Make a flat mesh; there is about one vertex per unit of area."""
     places, faces = MESHES[random.integers(len(MESHES))](random)
     stretch = np.exp(random.uniform(-0.5, 0.5)) if random.random() < 0.3 else 1.0
     places = places * [stretch, 1 / stretch]
-    if random.random() < 0.25:  # edges that grow from one end to the other
+    if random.random() < 0.25:  # edges become longer from one end to the other
         places = places * np.exp(random.uniform(0.2, 1.5) * places[:, :1] / np.ptp(places[:, 0]))
     used = np.unique(faces)
     number = np.zeros(len(places), int)
@@ -121,7 +122,7 @@ def mesh_of(random):
 
 
 def read(image, places, order=1):
-    """Read an image (h, w, 3) at places in pixels."""
+    """Interpolate an image (h, w, 3) at positions in pixels."""
     return np.stack([
         ndimage.map_coordinates(image[..., c], places.T[::-1], order=order, mode="mirror")
         for c in range(3)
@@ -133,7 +134,7 @@ def blurred(image, sigma):
 
 
 def painted(random, places):
-    """Paint areas of one color each, in bytes, with wavy borders, and strokes."""
+    """Make vertex colors, in bytes, of plain areas with wavy borders, and strokes."""
     waves = random.normal(size=(2, 4, 2))
     size = np.ptp(places, axis=0).max()
     moved = places / size
@@ -158,7 +159,7 @@ def painted(random, places):
 
 
 def walk_of(faces, count):
-    """Return what an umbrella pass does."""
+    """Return the matrix of an umbrella pass: means over each vertex and its neighbours."""
     ends = (
         np.concatenate([faces, faces[:, [1, 2, 0]]]),
         np.concatenate([faces[:, [1, 2, 0]], faces]),
@@ -169,21 +170,21 @@ def walk_of(faces, count):
 
 
 def example(seed):
-    """Make a mesh, the true values of its vertices in bytes, and spoiled ones.
+    """Make a mesh, true values of its vertices in bytes, and degraded ones.
 
     Returns
     -------
     vertices, faces : (n, 3), (m, 3)
     truth : (n, 3) uint8
     spoiled : list of ((n, 3) array, bool)
-        And whether nothing spoiled them.
+        Degraded values; True if they are the true ones.
     """
     random = np.random.default_rng([seed, 77])
     image = truth(random).astype(float)
     places, faces = mesh_of(random)
     one, two = (places[faces[:, k]] - places[faces[:, 0]] for k in (1, 2))
     areas = 0.5 * abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
-    unit = random.uniform(0.8, 1.2)  # in pixels
+    unit = random.uniform(0.8, 1.2)  # square root of the area per vertex, in pixels
     where = places * (unit / np.sqrt(areas.sum() / len(places)))
     where = where + random.uniform(0, 1, 2) * np.maximum(len(image) - 1 - np.ptp(where, axis=0), 0)
     own = random.choice([0.0, 0.0, 0.3, 0.45])

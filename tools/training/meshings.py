@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes of solids as remeshing leaves them."""
+"""Meshes solids from voxel grids, as remeshers do."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ EXTENT = 1.5
 
 
 def sampled(solid: Solid, n: int) -> Floats:
-    """Distances on a grid of n^3 points; far from the surface those of every other one.
+    """Sample distances on a grid of n^3 points; far from the surface at every other point only.
 
-    A surface lies within the square root of 3 steps of a point whose distance is less than that,
-    if distances are not too long: twice is looked at.
+    All points are sampled in coarse cells with a distance below 4.2 steps. This is more than the
+    diagonal of a coarse cell, 3.5 steps, to allow for inexact distances.
     """
     line = np.linspace(-EXTENT, EXTENT, n)
     spacing = line[1] - line[0]
@@ -25,7 +25,7 @@ def sampled(solid: Solid, n: int) -> Floats:
     m = len(rough)
     coarse = _evaluated(solid, _points(rough, rough, rough)).reshape(m, m, m)
     near = abs(coarse) < 4.2 * spacing
-    for axis in range(3):  # each cell of coarse points that has one of them
+    for axis in range(3):  # and the coarse points next to those
         for shift in (1, -1):
             near = near | (np.roll(near, shift, axis) & _inner(near.shape, axis, shift))
     index = np.minimum(np.arange(n) // 2, m - 1)
@@ -36,7 +36,7 @@ def sampled(solid: Solid, n: int) -> Floats:
 
 
 def _inner(shape, axis, shift):
-    # Without what `roll` brings around the border.
+    # False where `roll` wraps around the border.
     keep = np.ones(shape, bool)
     border = [slice(None)] * 3
     border[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
@@ -54,10 +54,10 @@ def _evaluated(solid, points):
 
 
 def renormalized(d: Floats, spacing: float) -> Floats:
-    """What a voxel remesh by OpenVDB, as Blender's, makes of distances before it meshes them.
+    """Change distances as the voxel remesh of OpenVDB, used by Blender, does before meshing.
 
-    Less 0.8 of a voxel, one step of |grad d| = 1 with upwind differences is taken, and where that
-    makes them smaller it stays. It doubles the width of the strips along concave creases.
+    They are lowered by 0.8 voxels, and one upwind step towards |grad d| = 1 is taken, which is kept
+    where it makes them smaller. It doubles the width of the slanted strips along concave creases.
     """
     level = d / spacing - 0.8
     squares = np.zeros_like(level)
@@ -73,7 +73,10 @@ def renormalized(d: Floats, spacing: float) -> Floats:
 
 
 def surface_nets(d: Floats) -> tuple[Floats, np.ndarray]:
-    """One vertex a cell, at the mean of the crossings of its edges; quads become triangles."""
+    """Mesh a grid with one vertex per cell, at the mean of the surface's crossings of its edges.
+
+    Quads are split along the shorter diagonal.
+    """
     n = len(d)
     inside = d < 0
     corners = [inside[tuple(slice(k, k + n - 1) for k in c)] for c in product((0, 1), repeat=3)]
@@ -121,7 +124,7 @@ def marching_cubes(d: Floats) -> tuple[Floats, np.ndarray]:
 
 
 def umbrella(v: Floats, f: np.ndarray, passes: int, share: float = 1.0) -> Floats:
-    """Move vertices (or any of their values) to the means of their neighbours."""
+    """Move vertices, or other vertex values, by a share of the way to the mean of neighbours."""
     ends = np.concatenate([f, f[:, [1, 2, 0]], f[:, [2, 0, 1]]])
     count = np.maximum(np.bincount(ends[:, 0], minlength=len(v)) * 2.0, 1)
     for _ in range(passes):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Digests of scripts, by which shipped networks belong to what trained them."""
+"""Digests of the training scripts, stored in shipped networks to tell if they are up to date."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from shock_filter.core.mixture.network import digest
 
 
 def meaning_of(scripts: Iterable[Path]) -> str:
-    """Sum up scripts in 16 letters; spaces, comments and docstrings do not count."""
+    """Return a hash of scripts, of 16 hexadecimal digits; comments and docstrings do not count."""
     return digest(*(_meaning(path) for path in sorted(scripts)))
 
 

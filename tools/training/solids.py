@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random solids of the kinds that people remesh: parts, fillets, statues, thin walls."""
+"""Random solids like those that people remesh: machine parts, fillets, statues, thin walls."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ SHARES = 0.30, 0.22, 0.16, 0.11, 0.08, 0.06, 0.07
 
 
 def solid(rng, kind: str, h: float) -> Solid:
-    """A solid inside of |coordinates| < 1.38, for a grid whose voxels are h wide."""
+    """Make a solid within |coordinates| < 1.38, for a grid of voxels of width h."""
     shape = _MAKE[kind](rng, h)
     if rng.random() < 0.6:
         whole, q = shape, turn(rng)
         shape = lambda p: whole(p @ q)  # noqa: E731
-    # Cuts at the border of the grid are creases, too.
+    # Cuts at the border of the grid are creases too.
     inside = shape
     return lambda p: np.maximum(inside(p), greatest(abs(p)) - 1.38)
 
 
 def simple(rng, size) -> Solid:
-    """One convex part around the origin, crisp."""
+    """Make one convex, crisp part around the origin."""
     a, b, c = rng.uniform(0.25, 0.7, 3) * size
     kind = rng.integers(0, 9)
     if kind <= 3:
@@ -63,7 +63,7 @@ def simple(rng, size) -> Solid:
 
 
 def part(rng, count=None, union=union, minus=minus) -> Solid:
-    """A machine part: unions and cuts of simple parts, holes, slots, rows."""
+    """Make a machine part from simple parts, joined or cut away, holes, slots and rows."""
     shape = simple(rng, rng.uniform(1.3, 1.9))
     for _ in range(rng.integers(0, 6) if count is None else count):
         at, kind = rng.uniform(-0.7, 0.7, 3), rng.random()
@@ -89,7 +89,7 @@ def part(rng, count=None, union=union, minus=minus) -> Solid:
 
 
 def statue(rng, at, size) -> Solid:
-    """Blended balls and the like, with relief: nothing on it is crisp."""
+    """Blend ellipsoids and tori, with relief, to a shape without creases."""
     if rng.random() < 0.4:
         return bumpy(at, 0.75 * size, rng, size * rng.uniform(0.02, 0.38), rng.uniform(4, 12))
     shape = ellipsoid(at, size * rng.uniform(0.4, 0.9, 3))
@@ -108,7 +108,7 @@ def statue(rng, at, size) -> Solid:
 
 
 def filleted(rng, h, voxels=(0.5, 9.0)) -> Solid:
-    """A rounded body with crisp holes, slots and parts; its radii in voxels."""
+    """Make a rounded body with crisp holes, slots and parts; `voxels` is the range of radii."""
     r = h * np.exp(rng.uniform(*np.log(voxels)))
     a = np.maximum(rng.uniform(0.4, 0.95, 3), r + 0.1)
     kind = rng.integers(0, 4)
@@ -133,7 +133,7 @@ def filleted(rng, h, voxels=(0.5, 9.0)) -> Solid:
 
 
 def plinth(rng, h) -> Solid:
-    """A statue on, or in, a part."""
+    """Make a statue on, or partly in, a machine part."""
     low = rng.uniform(0.2, 0.45)
     half = np.array([rng.uniform(0.5, 0.95), rng.uniform(0.5, 0.95), low])
     kind = rng.integers(0, 5)
@@ -149,7 +149,7 @@ def plinth(rng, h) -> Solid:
 
 
 def thin(rng, h) -> Solid:
-    """Walls, ribs and pins of 1 to 5 voxels."""
+    """Make walls, ribs and pins, 1 to 5 voxels thick."""
     t = h * rng.uniform(0.5, 2.5)
     if rng.integers(0, 4) == 0:
         s, top = part(rng, 1), rng.uniform(-0.2, 0.3)
@@ -186,9 +186,9 @@ def smooth(rng, h) -> Solid:
 
 
 def profiled(rng, h) -> Solid:
-    """Wheels with teeth, stepped shafts, combs, channels: crisp, as many edges concave as convex.
+    """Make gears, stepped shafts, combs or channels: crisp, with as many concave as convex edges.
 
-    Their distances are true ones, as a remesher of meshes measures them.
+    Their distances are exact, like those a remesher computes from a mesh.
     """
     kind = rng.integers(0, 5)
     if kind == 0:
@@ -211,7 +211,7 @@ def profiled(rng, h) -> Solid:
 
 
 def _hub(rng, side, half):
-    # Round or of any outline; it begins inside of a plate, half of which is so thick.
+    # A hub, round or with a random outline, on one side of a plate of half thickness `half`.
     radius, high = rng.uniform(0.25, 0.55), half + rng.uniform(0.08, 0.5)
     flat = profile(_outline(rng, radius))
     if rng.random() < 0.6:
@@ -244,7 +244,7 @@ def _outline(rng, size):
 
 
 def _shaft(rng):
-    # Half of a section, of two to six steps, some of them slanted.
+    # Half of a cross section, of two to six steps, some of them slanted.
     n = int(rng.integers(2, 7))
     z = np.concatenate([[-1], np.sort(rng.uniform(-0.9, 0.9, n - 1)), [1]])
     r = rng.uniform(0.2, 1.0, (n, 1)) * np.ones(2)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Train the network that weighs the normals of faces along creases.
+"""Train the networks that weigh candidate normals of faces along creases.
 
-``python tools/training/train_creases.py`` makes solids from seeds, learns from them, and writes
-``core/shape/creases.npz``. It needs what the extra ``training`` names, and some twenty minutes
-on two cores. Made solids stay in the folder, so that a run that was stopped goes on.
+``python tools/training/train_creases.py`` makes meshes from seeds, trains on them, and writes
+``core/shape/creases.npz``. It needs the packages of the extra ``training``, and some twenty minutes
+on two cores. Meshes are stored in the folder, so that a stopped run can continue.
 """
 
 from __future__ import annotations
@@ -31,53 +31,53 @@ HERE = Path(__file__).resolve().parent
 
 MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py",
            "even_meshes.py", "made.py", "meshings.py", "solids.py", "train_creases.py")  # fmt: skip
-"""The scripts that the networks come from."""
+"""The scripts that the networks depend on."""
 
 VERSION = 4
-"""Counts the trainings that were shipped."""
+"""Number of shipped trainings."""
 
 COUNTS = {"remeshed": 1300, "narrow": 350, "coarse": 350, "relief": 225, "scanned": 175,
           "modelled": 960, "softened": 210, "sculpted": 700, "sharp": 390,
           "decimated": 790, "exact": 440, "voxels": 1900, "subdivided": 350,
           "displaced": 700, "cage": 900, "drawn": 500, "divided": 400}  # fmt: skip
-"""How many seeds of each kind; see `made.MAKERS`."""
+"""Number of seeds for each of `made.MAKERS`."""
 
 HIDDEN = 128, 64
 GATE = (24,)
-"""Sizes of the inner layers of both networks."""
+"""Sizes of the hidden layers of the two networks."""
 
 EPOCHS, GATE_EPOCHS = 10, 3
 KEPT_ASIDE = 12
-"""One mesh in so many tells the error and is not learned from."""
+"""One mesh in this many is for validation, not for training."""
 
 PIECE = 1 << 18
-"""Rows that are looked at at once."""
+"""Number of rows per call of a network."""
 
 TURNS = 2.0
-"""Degrees that a mixture turns a face, from which the gate is to let it pass."""
+"""Turn in degrees, by the mixture, above which the gate should let a face pass."""
 
 MISSED = 0.01
-"""Share of all turns that the gate may miss."""
+"""Share of the sum of all turns that the gate may miss."""
 
 IN_DOUBT = 3.5
-"""What is added, at last, to the score of a face's own normal: models that nobody here has seen
-change by half as much, and parts are closed as well."""
+"""Added after training to the bias of the score of a face's own normal: this halves the changes of
+models unlike the training set, and closes creases of parts just as well."""
 
 FEWEST_ROWS = 600
-"""A mesh of fewer counts as one of so many."""
+"""A mesh with fewer rows weighs as much as one with this many."""
 
 USUAL, AS_IT_IS = 5.0, 5.0
-"""Degrees: a mesh counts the less the more wrong it is, beyond the first; and how much those count
-that are as they should be."""
+"""Degrees. The weight of a mesh is 1 / (its mean error + the first), or 1 / the second if its own
+normals are the targets."""
 
 
 def made_of() -> str:
-    """Digest of the scripts that the networks come from."""
+    """Return the digest of the scripts that the networks depend on."""
     return meaning_of(HERE / name for name in MADE_OF)
 
 
 def table(path: Path) -> dict[str, np.ndarray] | None:
-    """What is learned from one mesh."""
+    """Compute the training data of one mesh; None if no sampled face has candidates."""
     with np.load(path) as data:
         mesh = core.TriangleMesh(data["vertices"], data["faces"])
         rows, one, two, kind = data["rows"], data["one"], data["two"], data["kind"].item()
@@ -91,7 +91,7 @@ def table(path: Path) -> dict[str, np.ndarray] | None:
     told, candidates = found.told[place[rows]], found.normals[place[rows]]
     targets = np.stack([one, two], 1)
     near = (candidates[:, :, None] * targets[:, None]).sum(3)
-    keep = near.max((1, 2)) > 0.3  # faces of the other side say nothing
+    keep = near.max((1, 2)) > 0.3  # not faces on the wrong side of a thin wall
     own = near[keep, 0].max(1)
     off = np.degrees(np.arccos(np.clip(own, -1, 1))).mean() if keep.any() else 0.0
     count = int(keep.sum())
@@ -106,12 +106,12 @@ def table(path: Path) -> dict[str, np.ndarray] | None:
 
 
 def weight_of(off: float) -> float:
-    """How much the rows of a mesh count that is wrong by so many degrees in the mean."""
+    """Return the weight of the rows of a mesh whose mean error is `off` degrees."""
     return 1 / (off + USUAL if off > 0.1 else AS_IT_IS)
 
 
 def errors(network: Network, rows: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Degrees to the nearer target, of faces' own normals and of the mixtures."""
+    """Return the errors of own and of mixed normals: degrees to the nearer target."""
     mixed, _ = mixture(rows["candidates"], network.scores(rows["told"]))
     pair = []
     for normals in (rows["candidates"][:, 0], mixed):
@@ -126,7 +126,7 @@ def gathered(paths: list[Path], processes: int) -> dict[str, np.ndarray]:
     else:
         with ProcessPoolExecutor(processes) as pool:
             found = list(pool.map(table, paths, chunksize=16))
-    # Those kept aside come last, so that both are views.
+    # The validation set comes last, so that both sets are views of one array.
     found = [rows for rows in found if rows is not None]
     found.sort(key=lambda rows: bool(rows["aside"].any()))
     return {name: np.concatenate([rows.pop(name) for rows in found]) for name in list(found[0])}
@@ -137,7 +137,7 @@ def chosen(rows: dict[str, np.ndarray], which: slice | np.ndarray) -> dict[str, 
 
 
 def train(rows: dict[str, np.ndarray], epochs: int = EPOCHS, log=print) -> dict[str, Network]:
-    """Learn from the rows that are not kept aside, and say how well it does on the others."""
+    """Train the networks on the training set, and log their errors on the validation set."""
     first = int(np.count_nonzero(~rows["aside"]))
     learned, aside = chosen(rows, slice(first)), chosen(rows, slice(first, None))
     weights = learned["weights"] / learned["weights"].mean()
@@ -160,11 +160,11 @@ def train(rows: dict[str, np.ndarray], epochs: int = EPOCHS, log=print) -> dict[
 
 
 def train_gate(learned, aside, network: Network, epochs: int, log) -> Network:
-    """Learn which faces a mixture turns, from what is known before anything takes sides."""
+    """Train the gate to predict, from the features of `TOLD_FIRST`, which faces a mixture turns."""
     told, turns = learned["told"][:, TOLD_FIRST], turns_of(network, learned)
     wanted = np.where(turns > TURNS, 1 + turns / 5, 0).astype(np.float32)
     gate = adam.trained_gate(np.ascontiguousarray(told), wanted, GATE, epochs, log=log)
-    # As low as the missed turns allow.
+    # Shifts the threshold so that the allowed share of turns is missed.
     scores = gate.scores(np.ascontiguousarray(told))[:, 0]
     order = np.argsort(scores)
     missed = np.cumsum(np.where(wanted > 0, turns, 0)[order])
@@ -183,9 +183,9 @@ def train_gate(learned, aside, network: Network, epochs: int, log) -> Network:
 
 
 def turns_of(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
-    """Degrees between the mixtures and the faces' own normals."""
+    """Return the turns by the mixtures: degrees from the faces' own normals."""
     found = np.empty(len(rows["told"]), np.float32)
-    for first in range(0, len(found), PIECE):  # all at once would take as much memory again
+    for first in range(0, len(found), PIECE):  # one call for all would need much memory
         piece = slice(first, first + PIECE)
         candidates = rows["candidates"][piece]
         mixed, _ = mixture(candidates, network.scores(rows["told"][piece]))
@@ -195,7 +195,7 @@ def turns_of(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def main() -> None:
-    """Make solids, learn, write."""
+    """Make examples, train, and write the networks."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--folder", type=Path, default=HERE / ".made", help="for made solids")
     parser.add_argument("--out", type=Path, default=WEIGHTS)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Train the networks that mix smoothed normals for denoising.
 
-``python tools/training/train_denoising.py`` makes meshes from seeds, learns from them, and writes
-``core/shape/denoise.npz``. It needs what the extra ``training`` names, and less than 40 minutes on
-two cores. Made meshes stay in the folder, so that a run that was stopped goes on.
+``python tools/training/train_denoising.py`` makes meshes from seeds, trains on them, and writes
+``core/shape/denoise.npz``. It needs the packages of the extra ``training``, and less than 40
+minutes on two cores. Meshes are stored in the folder, so that a stopped run can continue.
 """
 
 from __future__ import annotations
@@ -33,51 +33,52 @@ HERE = Path(__file__).resolve().parent
 
 MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py",
            "even_meshes.py", "meshings.py", "solids.py", "train_denoising.py")  # fmt: skip
-"""The scripts that the networks come from."""
+"""The scripts that the networks depend on."""
 
-VERSION = 4
-"""Counts the trainings that were shipped."""
+VERSION = 5
+"""Number of shipped trainings."""
 
 MAKERS = {"solid": example, "white": partial(example, kind="white"),
           "field": partial(example, kind="field"), "range": partial(example, kind="range"),
           "figure": figure, "displaced": displaced, "drawn": drawn, "cage": cage,
-          "divided": divided, "rough": rough, "steep": steep,
-          "short": short}  # fmt: skip
+          "divided": divided, "rough": rough, "steep": steep, "short": short}  # fmt: skip
 COUNTS = {"solid": 1500, "white": 200, "field": 150, "range": 200, "figure": 350, "displaced": 350,
-          "drawn": 160, "cage": 400, "divided": 250, "rough": 150, "steep": 400,
+          "drawn": 160, "cage": 800, "divided": 250, "rough": 150, "steep": 400,
           "short": 300}  # fmt: skip
-"""How many seeds of each."""
+"""Number of seeds for each of `MAKERS`."""
 
 LATE = "cage", "divided", "rough", "steep", "short"
-"""Kinds that the last stage alone learns from."""
+"""Names of makers that only the last stage is trained on."""
 
 FACES, ROWS = (24, 60_000), (400, 1600)
-"""Fewest and most faces of a mesh that counts, and of a mesh that are learned from; of small ones
-some count more than once."""
+"""Fewest and most faces of a mesh that is used; and fewest and most faces sampled from a mesh.
+Small meshes are sampled with replacement."""
 
 FEWEST_OF_SOLIDS = 1500
-"""Faces of solids out of voxels: what has fewer has no shape."""
+"""Fewest faces of solids meshed from voxels: with fewer, their shape is lost."""
 
 HIDDEN = 128, 64
-"""Sizes of the inner layers."""
+"""Sizes of the hidden layers."""
 
 EPOCHS = 10
 KEPT_ASIDE = 16
-"""One mesh in so many tells the error and is not learned from."""
+"""One mesh in this many is for validation, not for training."""
 
 USUAL = 1.5
-"""Degrees: a mesh counts the less the farther its best smoothing is from the truth."""
+"""Degrees. The weight of a mesh is 1 / (mean error of its best candidate + this)."""
 
 UNTOUCHED = {"modelled": 2.0, "decimated": 2.0, "subdivided": 2.0, "uneven": 2.0, "figure": 2.0,
              "displaced": 2.0, "drawn": 2.0, "divided": 2.0}  # fmt: skip
-"""How much more those count that have few faces, or are sculptures, and have no noise."""
+"""Factors of that weight for kinds of meshes without noise; noisy kinds have 1."""
 
 IN_DOUBT = 3.0
-"""What is added, at last, to the score of a face's given normal: coarse models that nobody here has
-seen change by up to a fifth less, and what is noisy comes out as well."""
+"""Added after training to the bias of the score of a face's input normal: this reduces the changes
+of coarse models unlike the training set by up to a fifth, and denoises noisy meshes just as well.
+"""
 
 TURNED = np.cos(np.radians(60.0))
-"""Faces of which no smoothing is nearer to the truth say nothing: they are of the other side."""
+"""Cosine of the angle between the true normal and the nearest candidate. Faces below it are left
+out: they lie on the wrong side of a thin wall."""
 
 
 def made(job: tuple[str, int], folder: Path) -> Path | None:
@@ -88,7 +89,7 @@ def made(job: tuple[str, int], folder: Path) -> Path | None:
         return path
     try:
         mesh, truth, kind = MAKERS[name](seed)
-    except (IndexError, ValueError, core.ShockError):  # nothing is left of the solid
+    except (IndexError, ValueError, core.ShockError):  # the solid is empty
         return None
     of_solid = kind in ("clean", "crisp", "white", "field", "both", "binary", "range")
     if not (FEWEST_OF_SOLIDS if of_solid else FACES[0]) <= mesh.face_count <= FACES[1]:
@@ -102,7 +103,7 @@ def made(job: tuple[str, int], folder: Path) -> Path | None:
 
 
 def table(path: Path, networks: list[Network]) -> dict[str, np.ndarray]:
-    """What the next network learns from one mesh, after those that are trained."""
+    """Compute the training data of one mesh for the network after `networks`."""
     with np.load(path) as data:
         mesh = core.TriangleMesh(data["vertices"], data["faces"])
         truth, kind = data["truth"], data["kind"].item()
@@ -127,7 +128,7 @@ def table(path: Path, networks: list[Network]) -> dict[str, np.ndarray]:
 
 
 def errors(network: Network, rows: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Degrees to the truth, of the normals that the stage begins with and of the mixtures."""
+    """Return the errors, in degrees, of the normals before a stage and of its mixtures."""
     mixed = free_mixture(rows["candidates"], network.scores(rows["told"]))
     pair = []
     for normals in (rows["candidates"][:, 0], mixed):
@@ -137,7 +138,7 @@ def errors(network: Network, rows: dict[str, np.ndarray]) -> tuple[np.ndarray, n
 
 
 def gathered(function, jobs: list, processes: int) -> list:
-    """Call a function for each job, in processes of their own if there are several."""
+    """Call a function for each job, in parallel processes if there are several."""
     if processes == 1:
         return [function(job) for job in jobs]
     with ProcessPoolExecutor(processes, initializer=_alone) as pool:
@@ -145,11 +146,11 @@ def gathered(function, jobs: list, processes: int) -> list:
 
 
 def _alone() -> None:
-    parallel.most_threads = 1  # the other cores have processes of their own
+    parallel.most_threads = 1  # other cores run other processes
 
 
 def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]:
-    """Make so many of each."""
+    """Make a number of meshes for each maker."""
     folder.mkdir(parents=True, exist_ok=True)
     jobs = [(name, seed) for name, count in counts.items() for seed in range(count)]
     found = gathered(partial(made, folder=folder), jobs, processes)
@@ -159,9 +160,9 @@ def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]
 def train(
     paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print, begun=()
 ) -> dict[str, Network]:
-    """Learn stage by stage, and say how well it does on meshes that are kept aside.
+    """Train the stages in turn, and log their errors on validation meshes.
 
-    The networks of the first stages may have been trained before.
+    `begun` are networks of the first stages, if they are trained already.
     """
     networks: list[Network] = list(begun)
     for stage, name in list(enumerate(STAGES))[len(networks) :]:
@@ -192,7 +193,7 @@ def train(
 
 
 def hesitant(network: Network) -> Network:
-    """Let the given normals count more."""
+    """Raise the score of the input normals by `IN_DOUBT`."""
     *shifts, last = network.shifts
     last = last + np.float32(IN_DOUBT) * (np.arange(len(last)) == GIVEN)
     return replace(network, shifts=(*shifts, last.astype(np.float32)))
@@ -203,7 +204,7 @@ def _is_late(path: Path) -> bool:
 
 
 def _together(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    # Takes from the parts what it puts together: all is large.
+    # Concatenates large parts, and frees each one once it is copied.
     rows = {}
     for key in list(each[0]):
         parts = [part.pop(key) for part in each]
@@ -218,7 +219,7 @@ def _together(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 def tell(network: Network, aside: dict[str, np.ndarray], log) -> None:
-    """Say how far the meshes that are kept aside come."""
+    """Log the errors on validation meshes, before and after a stage."""
     own, new = errors(network, aside)
     for kind in (*np.unique(aside["kind"]), "all"):
         at = (aside["kind"] == kind) | (kind == "all")
@@ -226,12 +227,12 @@ def tell(network: Network, aside: dict[str, np.ndarray], log) -> None:
 
 
 def made_of() -> str:
-    """Digest of the scripts that the networks come from."""
+    """Return the digest of the scripts that the networks depend on."""
     return meaning_of(HERE / name for name in MADE_OF)
 
 
 def main() -> None:
-    """Make meshes, learn, write."""
+    """Make meshes, train, and write the networks."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--folder", type=Path, default=HERE / ".made", help="for made meshes")
     parser.add_argument("--out", type=Path, default=WEIGHTS)

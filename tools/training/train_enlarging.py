@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Train the networks that enlarge images.
 
-``python tools/training/train_enlarging.py`` makes pictures from seeds, reduces them, learns to
+``python tools/training/train_enlarging.py`` makes pictures from seeds, reduces them, trains to
 enlarge them, and writes ``core/color/learned/enlarging.npz``. It needs Pillow and scipy, and about
 a quarter of an hour on two cores.
 """
@@ -47,36 +47,37 @@ MADE_OF = (
     "train_enlarging.py",
     "train_images.py",
 )
-"""The scripts that the networks come from."""
+"""The scripts that the networks depend on."""
 
 VERSION = 1
-"""Counts the trainings that were shipped."""
+"""Number of shipped trainings."""
 
 SEEDS = range(60000, 61300)
 
 COPIES = 2
-"""Of each picture and factor, reduced in different ways."""
+"""Number of copies of each picture and factor, reduced in different ways."""
 
 PIXELS = 360
-"""Of each reduced picture."""
+"""Number of pixels sampled from each reduced picture."""
 
 ANYWHERE = 0.35
-"""Share of them that lie anywhere; others lie where the cubic lacks most."""
+"""Share of them that is sampled uniformly; others are sampled by the squared error of the cubic
+interpolation."""
 
 HIDDEN = 40, 24
-"""Sizes of the inner layers."""
+"""Sizes of the hidden layers."""
 
 EPOCHS = 12
 
 WORSE = 2.0
-"""How much pictures count that are worse than the cubic's."""
+"""Factor of the weight of pictures whose error is larger than that of the cubic interpolation."""
 
 KEPT_ASIDE = 16
-"""One picture in so many tells the gain and is not learned from."""
+"""One picture in this many is for validation, not for training."""
 
 
 def table(seed: int) -> dict[int, list[dict[str, np.ndarray]]]:
-    """What is learned from a picture and its copies, by factor."""
+    """Compute the training data of a picture, by factor."""
     image = truth(np.random.default_rng(seed))
     aside = seed % KEPT_ASIDE == 0
     return {times: _rows(image, times, np.random.default_rng([seed, times]), aside)
@@ -94,7 +95,7 @@ def _rows(image, times, random, aside) -> list[dict[str, np.ndarray]]:
 
 
 def _pixels(wanted, small, times, random, aside) -> dict[str, np.ndarray]:
-    # Of some pixels of a channel: what is told, what the cubic lacks, weights.
+    # Samples pixels of a channel: their features, the error of the cubic interpolation, weights.
     planes = Planes(small[None].astype(np.float32), NONE)
     height, width = small.shape
     around = told_farther(planes, 0, height)[0]
@@ -109,7 +110,7 @@ def _pixels(wanted, small, times, random, aside) -> dict[str, np.ndarray]:
     if energy.sum() > 0:
         share = ANYWHERE * share + (1 - ANYWHERE) * energy / energy.sum()
     rows = random.choice(count, PIXELS, p=share / share.sum())
-    sign = random.choice(np.float32([-1, 1]), PIXELS)  # dark on bright is as bright on dark
+    sign = random.choice(np.float32([-1, 1]), PIXELS)  # a negative must give the negative result
     told = told[:, rows]
     told[: len(OFFSETS)] *= sign
     return {
@@ -120,7 +121,7 @@ def _pixels(wanted, small, times, random, aside) -> dict[str, np.ndarray]:
 
 
 class Turned:
-    """Rows of what is told, of which each is read in all ways to turn and mirror it."""
+    """Rows of features; reading a row gives it in all rotations and reflections."""
 
     def __init__(self, told: np.ndarray) -> None:
         self._told = told
@@ -138,16 +139,19 @@ class Turned:
         return views.reshape(-1, told.shape[1])
 
     def mean(self, axis: int) -> np.ndarray:
-        """Mean of what is told."""
+        """Return the mean of the features."""
         return self._told.mean(axis)
 
     def std(self, axis: int) -> np.ndarray:
-        """Spread of what is told."""
+        """Return the standard deviation of the features."""
         return self._told.std(axis)
 
 
 class PictureLoss:
-    """The mean logarithm of the pictures' errors, by weights that follow the errors there are."""
+    """A loss with the gradient of the mean logarithm of the pictures' errors.
+
+    The weight of a picture is 1 / its error, as measured in the epoch before.
+    """
 
     def __init__(self, rows: dict[str, np.ndarray]) -> None:
         self._rows = rows
@@ -160,7 +164,7 @@ class PictureLoss:
         self._factor = (1 / (rows["error"] + FLOOR)).astype(np.float32)
 
     def __call__(self, given: np.ndarray, rows: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the loss of some pixels, and its slopes for what the network gave."""
+        """Return the loss of some pixels, and its gradient for the output of the network."""
         kept, owner = self._rows, self._owner[rows]
         found, contrast = self.mean_of(given), kept["contrast"][rows, None]
         gap = contrast * found - kept["missing"][rows]
@@ -181,13 +185,13 @@ class PictureLoss:
         return float((squares * factor).sum()), back.reshape(-1, gap.shape[1])
 
     def mean_of(self, given: np.ndarray) -> np.ndarray:
-        """Average what the network gave in all ways, each turned back."""
+        """Average the outputs for all rotations and reflections, each turned back."""
         views = given.reshape(VIEWS, -1, given.shape[1])
         return sum(view[:, at] for view, at in zip(views, self._places, strict=True)) / VIEWS
 
 
 def gains(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
-    """Decibels that each picture gains over the cubic, by what its pixels say."""
+    """Estimate the gain of each picture over cubic interpolation, in decibels, from its pixels."""
     count = len(rows["told"])
     given = network.scores(Turned(rows["told"])[np.arange(count)])
     gap = rows["contrast"][:, None] * PictureLoss(rows).mean_of(given) - rows["missing"]
@@ -199,7 +203,7 @@ def gains(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
 def train(
     tables: list[dict[str, np.ndarray]], times: int, epochs: int = EPOCHS, hidden=HIDDEN, log=print
 ) -> Network:
-    """Learn to enlarge by a factor, and say how much pictures gain that are kept aside."""
+    """Train the network of a factor, and log the gain on validation pictures."""
     learned, aside = (
         joined([part for part in tables if part["aside"][0] == kept]) for kept in (False, True)
     )
@@ -214,12 +218,12 @@ def train(
 
 
 def made_of() -> str:
-    """Digest of the scripts that the networks come from."""
+    """Return the digest of the scripts that the networks depend on."""
     return meaning_of(HERE / name for name in MADE_OF)
 
 
 def main() -> None:
-    """Make pictures, learn, write."""
+    """Make pictures, train, and write the networks."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", type=Path, default=WEIGHTS)
     parser.add_argument("--processes", type=int, default=2)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Train the networks that mix differences of smoothings for sharpening images.
+"""Train the networks that mix differences of smoothed images for sharpening.
 
-``python tools/training/train_images.py`` makes pictures from seeds, learns from them, and writes
+``python tools/training/train_images.py`` makes pictures from seeds, trains on them, and writes
 ``core/color/learned/images.npz``. It needs Pillow and scipy, and about half an hour on two
-cores. Made pictures stay in the folder, so that a run that was stopped goes on.
+cores. Pictures are stored in the folder, so that a stopped run can continue.
 """
 
 from __future__ import annotations
@@ -43,44 +43,45 @@ HERE = Path(__file__).resolve().parent
 
 MADE_OF = ("adam.py", "image_examples.py", "image_patterns.py", "image_spoiling.py",
            "train_images.py")  # fmt: skip
-"""The scripts that the networks come from."""
+"""The scripts that the networks depend on."""
 
 VERSION = 5
-"""Counts the trainings that were shipped."""
+"""Number of shipped trainings."""
 
 COUNTS = {10000: 5600, WIDELY: 520, SOFTLY: 300, PLAINLY: 960, PATTERNED: 360}
-"""How many seeds, from these on."""
+"""Number of seeds from each first seed on."""
 
 PIXELS = 400
-"""Of each spoiled picture."""
+"""Number of pixels sampled from each degraded picture."""
 
 ANYWHERE = 0.35
-"""Share of them that lie anywhere; others lie where there is something to change."""
+"""Share of them that is sampled uniformly; others are sampled where candidates differ and the
+picture has errors."""
 
 HIDDEN = 80, 48
-"""Sizes of the inner layers."""
+"""Sizes of the hidden layers."""
 
 EPOCHS = 18
 KEPT_ASIDE = 16
-"""One picture in so many tells the gain and is not learned from."""
+"""One picture in this many is for validation, not for training."""
 
 FLOOR = 0.8**2
-"""Squared error, in bytes, that counts as none in pictures that nothing spoiled."""
+"""Squared error, in 8-bit levels, that counts as none in pictures that are not degraded."""
 
 LEAST = 0.5**2
-"""The same of others: in plain ones few pixels have errors."""
+"""The same for degraded pictures; less, because in plain ones few pixels have errors."""
 
 AS_IT_WAS = 2.0, 1.4
-"""How much pictures count that nothing spoiled, for each network."""
+"""Factor of the weight of pictures that are not degraded, for each network."""
 
 HELD = 1e-4
-"""How firmly shares are held near 0."""
+"""Weight of the L2 penalty on mixture weights."""
 
 COLORS = Channels(0, 3, -1, np.empty(0, np.float32))
 
 
 def made(seed: int, folder: Path) -> Path:
-    """Make a picture and its spoiled copies, unless they are in the folder already."""
+    """Make a picture and its degraded copies, unless they are in the folder already."""
     path = folder / f"image_{seed}.npz"
     if not path.exists():
         truth, copies = example(seed)
@@ -97,7 +98,7 @@ def made(seed: int, folder: Path) -> Path:
 
 
 def table(path: Path, networks: list[Network]) -> list[dict[str, np.ndarray]]:
-    """What the next network learns from a picture, after those that are trained."""
+    """Compute the training data of a picture for the network after `networks`."""
     seed = int(path.stem.rpartition("_")[2])
     random = np.random.default_rng([seed, len(networks)])
     with np.load(path) as data:
@@ -122,7 +123,7 @@ def table(path: Path, networks: list[Network]) -> list[dict[str, np.ndarray]]:
 
 
 def pixels_of(stage, truth: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
-    """What is learned from some pixels: what is told of them, differences, what is missing."""
+    """Sample training data of pixels: features, differences of smoothings, errors, weights."""
     c, height, _ = stage.base.shape
     strip = stage.strip(0, height)
     differences, told = strip.rows(0, height)
@@ -146,16 +147,18 @@ def pixels_of(stage, truth: np.ndarray, random: np.random.Generator) -> dict[str
 
 
 class PictureLoss:
-    """The mean logarithm of the pictures' errors, by weights that follow the errors there are.
+    """A loss with the gradient of the mean logarithm of the pictures' errors.
+
+    The weight of a picture is 1 / its error, as measured in the epoch before.
 
     Parameters
     ----------
     rows : dict
-        As from `gathered`; those of pixels come picture by picture.
+        As from `joined`; pixels are in the order of the pictures.
     least : float
-        Squared error that counts as none in pictures that something spoiled.
+        Squared error that counts as none in degraded pictures.
     same : float
-        How much pictures count that nothing spoiled.
+        Factor of the weight of pictures that are not degraded.
     """
 
     def __init__(
@@ -175,7 +178,7 @@ class PictureLoss:
         self._factor = (counted / (errors + floor)).astype(np.float32)
 
     def __call__(self, shares: np.ndarray, rows: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the loss of some pixels, and its slopes for their shares."""
+        """Return the loss of some pixels, and its gradient for their mixture weights."""
         kept, owner = self._rows, self._owner[rows]
         squares, slopes = slopes_of(shares, kept, rows)
         weights = kept["weights"][rows]
@@ -191,12 +194,12 @@ class PictureLoss:
 
 
 def owners_of(rows: dict[str, np.ndarray]) -> np.ndarray:
-    """Numbers of the pictures that pixels are of: each has as many."""
+    """Return for each pixel the index of its picture; all have the same number of pixels."""
     return np.repeat(np.arange(len(rows["error"])), len(rows["told"]) // len(rows["error"]))
 
 
 def slopes_of(shares, kept, rows) -> tuple[np.ndarray, np.ndarray]:
-    """Mean squared errors of some pixels, and their slopes for the shares."""
+    """Return the squared errors of some pixels, and their gradients for the mixture weights."""
     d, low, high = kept["differences"][rows], kept["low"][rows], kept["high"][rows]
     change = np.einsum("nk,nkc->nc", shares, d)
     free = (change > low) & (change < high)
@@ -206,7 +209,7 @@ def slopes_of(shares, kept, rows) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gains(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
-    """Decibels that each picture gains, by what its pixels say."""
+    """Estimate the gain of each picture from its sampled pixels, in decibels."""
     squares, _ = slopes_of(network.scores(rows["told"]), rows, slice(None))
     owner, weights = owners_of(rows), rows["weights"]
     errors = np.bincount(owner, squares * weights) / np.bincount(owner, weights)
@@ -214,7 +217,7 @@ def gains(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def gathered(function, jobs: list, processes: int) -> list:
-    """Call a function for each job, in processes of their own if there are several."""
+    """Call a function for each job, in parallel processes if there are several."""
     if processes == 1:
         return [function(job) for job in jobs]
     with ProcessPoolExecutor(processes, initializer=_alone) as pool:
@@ -222,11 +225,11 @@ def gathered(function, jobs: list, processes: int) -> list:
 
 
 def _alone() -> None:
-    parallel.most_threads = 1  # the other cores have processes of their own
+    parallel.most_threads = 1  # other cores run other processes
 
 
 def make_all(counts: dict[int, int], folder: Path, processes: int) -> list[Path]:
-    """Make so many pictures from each first seed on."""
+    """Make a number of pictures from each first seed on."""
     folder.mkdir(parents=True, exist_ok=True)
     seeds = [first + i for first, count in counts.items() for i in range(count)]
     return gathered(partial(made, folder=folder), seeds, processes)
@@ -235,7 +238,7 @@ def make_all(counts: dict[int, int], folder: Path, processes: int) -> list[Path]
 def train(
     paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print
 ) -> dict[str, Network]:
-    """Learn stage by stage, and say how much pictures gain that are kept aside."""
+    """Train the stages in turn, and log the gain on validation pictures."""
     networks: list[Network] = []
     for stage, name in enumerate(STAGES):
         tables = gathered(partial(table, networks=networks), paths, processes)
@@ -260,17 +263,17 @@ def train(
 
 
 def joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Put the tables of pictures one after the other."""
+    """Concatenate the tables of pictures."""
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
 
 def made_of() -> str:
-    """Digest of the scripts that the networks come from."""
+    """Return the digest of the scripts that the networks depend on."""
     return meaning_of(HERE / name for name in MADE_OF)
 
 
 def main() -> None:
-    """Make pictures, learn, write."""
+    """Make pictures, train, and write the networks."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--folder", type=Path, default=HERE / ".made", help="for made pictures")
     parser.add_argument("--out", type=Path, default=WEIGHTS)

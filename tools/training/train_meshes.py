@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Train the networks that sharpen vertex colors: those of images learn on, on meshes.
+"""Train the networks that sharpen vertex colors, starting from those for images.
 
-``python tools/training/train_meshes.py`` makes pictures and meshes from seeds, and writes
-``core/color/learned/vertices.npz``. It needs what `train_images` needs, and scikit-image. Made
-pictures stay in the folder, so that a run that was stopped goes on.
+``python tools/training/train_meshes.py`` makes pictures and meshes from seeds, trains on them, and
+writes ``core/color/learned/vertices.npz``. It needs what `train_images` needs, and scikit-image.
+Pictures are stored in the folder, so that a stopped run can continue.
 """
 
 from __future__ import annotations
@@ -38,26 +38,26 @@ HERE = Path(__file__).resolve().parent
 
 MADE_OF = ("adam.py", "image_examples.py", "mesh_pictures.py", "train_images.py",
            "train_meshes.py")  # fmt: skip
-"""The scripts that the networks come from, beside the networks of images."""
+"""The scripts that the networks depend on, besides the networks for images."""
 
 VERSION = 1
-"""Counts the trainings that were shipped."""
+"""Number of shipped trainings."""
 
 FIRST_SEED, COUNT = 50000, 800
 
 CHOSEN = 700
-"""Vertices of each mesh that are learned from."""
+"""Number of vertices sampled from each mesh."""
 
 EPOCHS, RATE = 10, 1e-3
 
 NONE = np.empty(0, np.float32)
 
 BESIDE = 1
-"""Numbers that networks of meshes are told beside those of images."""
+"""Number of additional features of the networks for meshes."""
 
 
 def made(seed: int, folder: Path) -> Path:
-    """Make a mesh with values and spoiled copies, unless they are in the folder already."""
+    """Make a mesh with values and degraded copies, unless it is in the folder already."""
     path = folder / f"mesh_{seed}.npz"
     if not path.exists():
         vertices, faces, truth, spoiled = example(seed)
@@ -71,7 +71,7 @@ def made(seed: int, folder: Path) -> Path:
 
 
 def table(path: Path, nets: list[Network]) -> list[dict[str, np.ndarray]]:
-    """What the next network learns from a mesh, after those that are trained."""
+    """Compute the training data of one mesh for the network after `nets`."""
     seed = int(path.stem.rpartition("_")[2])
     random = np.random.default_rng([seed, len(nets)])
     with np.load(path) as data:
@@ -98,7 +98,7 @@ def table(path: Path, nets: list[Network]) -> list[dict[str, np.ndarray]]:
 
 
 def rows_of(stage, truth: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
-    """What is learned from some vertices, as `train_images.pixels_of`."""
+    """Sample training data of vertices, as `train_images.pixels_of` of pixels."""
     c, height, _ = stage.base.shape
     count = stage.planes.vertices.mesh.vertex_count
     strip = stage.strip(0, height)
@@ -124,13 +124,13 @@ def rows_of(stage, truth: np.ndarray, random: np.random.Generator) -> dict[str, 
 
 
 def begun(network: Network) -> Network:
-    """Give a network of images inputs for what meshes tell beside, which count nothing yet."""
+    """Add inputs of weight 0, for the additional features of meshes, to a network for images."""
     first = np.pad(network.weights[0], ((0, BESIDE), (0, 0)))
     return replace(network, weights=(first, *network.weights[1:]))
 
 
 def train(paths: list[Path], processes: int, log=print) -> dict[str, Network]:
-    """Let the networks learn on, and say how much meshes gain that are kept aside."""
+    """Train the networks further, and log the gain on validation meshes."""
     found: list[Network] = []
     facts = {"definition": DEFINITION_OF_VERTICES, "made_of": made_of(), "version": VERSION}
     for stage, start in enumerate(map(begun, networks())):
@@ -158,12 +158,12 @@ def train(paths: list[Path], processes: int, log=print) -> dict[str, Network]:
 
 
 def made_of() -> str:
-    """Digest of the scripts that the networks come from."""
+    """Return the digest of the scripts that the networks depend on."""
     return meaning_of(HERE / name for name in MADE_OF)
 
 
 def main() -> None:
-    """Make pictures on meshes, learn, write."""
+    """Make examples, train, and write the networks."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--folder", type=Path, default=HERE / ".made", help="for made pictures")
     parser.add_argument("--out", type=Path, default=WEIGHTS)

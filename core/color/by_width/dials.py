@@ -35,7 +35,7 @@ WIDEST = {"drawing": 16.0, "photo": 8.0}
 
 _DRAWING, _PHOTO = (2.0, 0.6), (2.0, 1.0)  # times the unsharp difference, widths that flow
 _RATE = 0.7  # the time in which a border of contrast 1 closes, over its width to the power of 4
-_CELLS = 3.0  # what a grid's own coarseness adds to squared widths
+_CELLS = 3.0  # added to squared widths for the coarseness of the grid
 _FAINT = 0.02  # contrast below which nothing is a border
 _STRAY = 4.0  # how many times the noise, and no border, contrasts are
 _PHOTO_OWN = 2.0  # width of the borders that photos have at their sharpest
@@ -96,7 +96,7 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1, enlarg
     ----------
     what : str
     width : float
-        Of the borders, from 10 to 90 percent.
+        Width of the borders, from 10 to 90 percent.
     noise : float
         Standard deviation of the signal's noise.
     passes : int

@@ -65,7 +65,7 @@ def follow_pixels_by_width(
         The guiding channels of `lead`.
     pixels, target : (h, w, c) array
     channels : Channels
-        Of the image.
+        The filtered channels of the image.
     settings : ImageSettings
     found : sequence of Measured
         Measurements of the guide and of the image; of the latter only the noise is used.

@@ -27,7 +27,7 @@ class Measured(NamedTuple):
         The width of borders to close; 0 if there are none.
     borders : Borders
     pixel_art : float
-        How far an image that is enlarged is pixel art, see `color.pixel_art`.
+        The result of `color.pixel_art`, from 0 to 1.
     """
 
     what: str

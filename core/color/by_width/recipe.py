@@ -17,7 +17,7 @@ from ...base.progress import aside, phase
 from .dials import Plan, blended, flow_times, limited_unsharp
 from .domain import Domain, Nearby
 
-_BLOCK = 1 << 16  # numbers that numpy takes at once, so that temporary arrays are small
+_BLOCK = 1 << 16  # numbers per numpy operation, so that temporary arrays are small
 
 
 class Lead(NamedTuple):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of images: smoothings, unsharp masks and a flow, mixed pixel by pixel as learned.
+"""Learned sharpening of images: networks mix smoothings, unsharp masks and a flow for each pixel.
 
-`images` is for pixels with settings, `recipe` runs two stages. `first` and `second` make what each
-stage mixes and what its network is told, `surroundings` looks farther around, and `planes` and
-`rows` hold what all of them use. `enlarged_images` is for pixels that are enlarged, and asks
-`enlarging` for the networks' answers.
+`images` sharpens pixels by settings, `recipe` runs two stages. `first` and `second` compute the
+differences that each stage mixes and the features of its network, `surroundings` computes features
+at larger scales, and `planes` and `rows` hold what all of them share. `enlarged_images` is for
+images that are enlarged, by the networks of `enlarging`.
 
 May use `core.mixture`, `core.grid`, and what `core.color` knows of images.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Enlarging of the pixels of an image, or of a part of one, as was learned."""
+"""Learned enlarging of the pixels of an image, or of a part of one."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from .enlarging import STRIP, enlarged_planes, reach_of_enlarging
 from .planes import Planes
 
 STEPS = {2: (2,), 3: (3,), 4: (4,), 6: (3, 2), 8: (4, 2)}
-"""How images are enlarged as was learned: by one factor after the other."""
+"""Factors that are applied in turn for each total factor."""
 
 
 def is_enlarged_as_learned(settings: ImageSettings, has_guide: bool) -> bool:
-    """Whether networks enlarge an image, and nothing else is done.
+    """Return whether an image is enlarged by networks, without further sharpening.
 
-    Not if a time, What, a width or a guide is given, nor 5 or 7 times.
+    It is not if a time, What, a width or a guide is given, nor for the factors 5 and 7.
     """
     by_itself = settings.by_width and settings.what == "auto" and settings.width == 0
     return by_itself and settings.enlarge in STEPS and not has_guide
 
 
 def reach_of_steps(times: int) -> int:
-    """Radius in pixels within which an image affects what it becomes."""
+    """Return the radius in pixels within which an image affects a result."""
     return len(STEPS[times]) * reach_of_enlarging()
 
 
@@ -43,7 +43,7 @@ def enlarge_pixels(pixels: npt.NDArray, channels: Channels, times: int, out: npt
     times : int
         One of `STEPS`.
     out : (times * h, times * w, c) array of float
-        For values in the range of colors.
+        Overwritten with values in the range of colors.
     """
     planes = Planes.of(pixels, channels)
     steps = STEPS[times]
@@ -60,7 +60,7 @@ def enlarge_pixels(pixels: npt.NDArray, channels: Channels, times: int, out: npt
 
 @kernel
 def _put(start, stop, old, new, first, times, scale, out):
-    # What did not change keeps its bits, where an image has more of them than planes.
+    # Unchanged values are copied from the image, which may have more bits than the planes.
     for y in range(start, stop):
         for c in range(len(new)):
             for x in range(out.shape[1]):

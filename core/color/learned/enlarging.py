@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Enlarging of images as was learned: a network adds to the cubic what reducing has taken away.
+"""Learned enlarging of images: a network adds to cubic interpolation what reduction has removed.
 
-Not in the papers. For each pixel and channel a network is told the pixels around, less their mean
-and over their contrast, and how fine, sparse and strong the detail farther around is. It gives what
-the cubic lacks at the new pixels within, in units of that contrast. It is asked in all eight ways
-to turn and mirror these pixels, and the mean counts: images that are turned, mirrored, shifted or
-scaled have results that are so, too. What is even stays so bit for bit, and no value leaves the
-range of those within `NEARBY` pixels.
+Not in the papers. For each pixel and channel, the features are the pixels around it, minus their
+mean and divided by their contrast, and how fine, sparse and strong the detail farther around is.
+The outputs are corrections to the cubic interpolation at the new pixels inside it, in units of that
+contrast. They are averaged over all eight rotations and reflections, so that the result is
+equivariant: turning, mirroring, shifting the image or scaling its values does the same to the
+result. Uniform areas stay so bit for bit, and no value leaves the range of those within `NEARBY`
+pixels.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ Places = npt.NDArray[np.int64]
 WEIGHTS = Path(__file__).with_name("enlarging.npz")
 
 FACTORS = 2, 3, 4
-"""How many times images can be enlarged at once; there is a network for each."""
+"""Factors by which images can be enlarged at once; each has a network."""
 
 REACH = 3
-"""How many pixels away those lie at most that a network is told of, in rows and columns."""
+"""Largest distance, in rows and in columns, of the pixels that are features."""
 
 NEARBY = 2
-"""Results stay within the values of pixels that are so far away, in rows and columns."""
+"""Results stay within the range of values up to this distance, in rows and in columns."""
 
 OFFSETS: Places = np.array(
     [
@@ -47,48 +48,49 @@ OFFSETS: Places = np.array(
         if y * y + x * x <= REACH * REACH + 1
     ]
 )
-"""Rows and columns of the pixels that a network is told of, from the one in the middle."""
+"""Rows and columns of the pixels that are features, relative to the central one."""
 
 SPREAD = 1.5
-"""Sigma of the weights of these pixels in their mean and contrast."""
+"""Sigma of the Gaussian weights of these pixels in their mean and contrast."""
 
 SIGMAS = 0.7, 1.4, 2.8
-"""Of smoothings, whose differences are the bands of detail."""
+"""Sigmas of the smoothings whose differences are the bands of detail."""
 
 AROUND = 6.0
-"""Sigma of the smoothing of their energies."""
+"""Sigma of the smoothing of the energies of the bands."""
 
 TOLD = len(OFFSETS) + len(SIGMAS) + 3
-"""Numbers that a network is told of a pixel: besides those around, the energies of bands, how
+"""Number of features of a pixel: besides the pixels around it, the energies of the bands, how
 sparse two of them are, and the contrast."""
 
 VIEWS = 8
-"""Ways to turn and mirror an image."""
+"""Number of rotations and reflections of an image."""
 
 DEFINITION = digest("enlarging 1", repr((REACH, NEARBY, SPREAD, SIGMAS, AROUND, VIEWS)))
-"""Changes with what the numbers mean; count the first word up when the code changes them."""
+"""Digest of what the features mean. When a change of the code changes them, raise the number in the
+first text."""
 
 STRIP = 64
-"""Rows that a thread takes at once."""
+"""Rows per chunk of a thread."""
 
 _PIXELS = 2048
-"""That a network looks at at once."""
+"""Pixels per call of a network."""
 
 
 @cache
 def networks() -> dict[int, tuple[Network, ...]]:
-    """The networks of each factor, one for each way to turn and mirror."""
+    """Load the networks of each factor, one for each rotation and reflection."""
     found = load(WEIGHTS, DEFINITION)
     return {times: views_of(found[name_of(times)]) for times in FACTORS}
 
 
 def name_of(times: int) -> str:
-    """Name of a factor's network."""
+    """Return the name of a factor's network."""
     return f"x{times}"
 
 
 def views_of(network: Network) -> tuple[Network, ...]:
-    """Return networks that do what one would with the image turned and mirrored."""
+    """Return networks that do what one does to the rotated and reflected image."""
     times = round(len(network.shifts[-1]) ** 0.5)
     found = []
     for told, given in zip(turned_offsets(), turned_places(times), strict=True):
@@ -101,7 +103,7 @@ def views_of(network: Network) -> tuple[Network, ...]:
 
 
 def turned_offsets() -> list[Places]:
-    """Which numbers are told of a pixel after turning and mirroring, for each way: (TOLD,)."""
+    """Return the order of the features for each rotation and reflection: (TOLD,) each."""
     grid = np.full((2 * REACH + 1,) * 2, -1)
     grid[tuple((OFFSETS + REACH).T)] = np.arange(len(OFFSETS))
     others = np.arange(len(OFFSETS), TOLD)
@@ -109,7 +111,7 @@ def turned_offsets() -> list[Places]:
 
 
 def turned_places(times: int) -> list[Places]:
-    """Where the new pixels within one lie after turning and mirroring, for each way."""
+    """Return the order of the new pixels inside one, for each rotation and reflection."""
     return [view.ravel() for view in _turned(np.arange(times * times).reshape(times, times))]
 
 
@@ -118,13 +120,13 @@ def _turned(grid: Places) -> list[Places]:
 
 
 def reach_of_enlarging() -> int:
-    """Radius in pixels within which an image affects what it becomes."""
+    """Return the radius in pixels within which an image affects a result."""
     return len(gaussian(AROUND)) + len(gaussian(SIGMAS[-1]))
 
 
 @cache
 def cubic(times: int) -> Network:
-    """Return the cubic as a network, which is told what is told of the pixels around."""
+    """Return cubic interpolation as a network, whose inputs are the pixels around."""
     line = np.zeros((times, 2 * REACH + 1))
     line[:, REACH - 2 : REACH + 3] = cubic_weights(times)
     both = line[:, None, :, None] * line[None, :, None, :]
@@ -134,7 +136,7 @@ def cubic(times: int) -> Network:
 
 @cache
 def _pixel_weights() -> Singles:
-    # Of the pixels around, in their mean and contrast.
+    # Weights of the pixels around in their mean and contrast.
     weights = np.exp(-(OFFSETS**2).sum(1) / (2 * SPREAD**2))
     return (weights / weights.sum()).astype(np.float32)
 
@@ -148,12 +150,12 @@ def enlarged_planes(planes: Planes, times: int, nets: tuple[Network, ...] | None
     times : int
         One of `FACTORS`.
     nets : tuple of Network, optional
-        As from `views_of`; those that are shipped by default.
+        As from `views_of`; by default the shipped ones.
 
     Returns
     -------
     (c, times * h, times * w) float32
-        Of hidden pixels that have none but hidden ones around, the value itself.
+        Hidden pixels with only hidden ones around keep their value.
     """
     nets = networks()[times] if nets is None else nets
     count, height, width = planes.values.shape
@@ -181,13 +183,13 @@ def enlarged_planes(planes: Planes, times: int, nets: tuple[Network, ...] | None
 
 
 def told_farther(planes: Planes, start: int, stop: int) -> Singles:
-    """Find what networks are told of wider surroundings.
+    """Compute the features of wider surroundings.
 
     Returns
     -------
     (c, len(SIGMAS) + 3, stop - start, w) float32
         Half logarithms of the bands' energies over their sum, and of how sparse two of them are;
-        at last, one over the sum.
+        last, the inverse of the sum.
     """
     count, height, width = planes.values.shape
     reach = len(gaussian(AROUND))
@@ -204,7 +206,7 @@ def told_farther(planes: Planes, start: int, stop: int) -> Singles:
 def told_of(
     planes: Planes, channel: int, top: int, bottom: int, around: Singles
 ) -> tuple[Singles, Singles, Singles]:
-    """Find what networks are told of the pixels of some rows.
+    """Compute the features of the pixels of some rows.
 
     Parameters
     ----------
@@ -217,7 +219,7 @@ def told_of(
     -------
     told : (TOLD, n) float32
     mean, contrast : (n,) float32
-        Of the pixels around each.
+        Mean and contrast of the pixels around each one.
     """
     count = around[0].size
     told = np.empty((TOLD, count), np.float32)
@@ -229,7 +231,7 @@ def told_of(
 
 @kernel
 def _energies(top, values, opacity, smooth, out):
-    # Squared bands, and the roots of two of them.
+    # Squared bands, and the absolute values of two of them.
     bands = len(smooth)
     for n in range(out.shape[1]):
         for x in range(out.shape[2]):
@@ -263,8 +265,8 @@ def _tell_farther(energies, out):
 
 @kernel
 def _tell(start, stop, values, opacity, offsets, weights, around, told, mean, contrast):
-    # Pixels are less their mean, over their contrast, and 0 where all is even. They count as far
-    # as they are visible, beside the most visible one.
+    # Pixels minus their mean, over their contrast; 0 where all are equal. They are weighted by
+    # their opacity, relative to the largest one.
     width = values.shape[1]
     count, last = len(offsets), len(around) - 1
     total, average, energy, inverse = np.empty((4, width), np.float32)
@@ -306,7 +308,7 @@ def _tell(start, stop, values, opacity, offsets, weights, around, told, mean, co
 
 @kernel
 def _read(plane, y, offset, out):
-    # A row from there; beyond the rim, what lies at it.
+    # Reads a row at an offset; beyond the border, the values at the border.
     height, width = plane.shape
     row = plane[min(max(y + offset[0], 0), height - 1)]
     away = offset[1]
@@ -321,8 +323,7 @@ def _read(plane, y, offset, out):
 
 @kernel
 def _compare_opacity(opacity, values, shares, base):
-    # Shares become 1 for the most visible pixels; a hidden one stands aside for the first that is
-    # visible.
+    # Scales weights so that the largest is 1; the base of a hidden pixel is the first visible one.
     for x in range(len(base)):
         most = np.float32(0)
         for k in range(len(shares)):

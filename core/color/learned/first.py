@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The first stage: differences of smoothings, and unsharp masks that stay within the local range.
 
-Networks are told neither directions nor colors nor how bright an image is: only energies compared
-with those around, products of differences, and places within ranges.
+Features do not depend on directions, colors or the brightness of the image. They are ratios of
+energies, products of differences, and positions within local ranges.
 """
 
 from __future__ import annotations
@@ -35,37 +35,38 @@ from .surroundings import (
 )
 
 SIGMAS = 0.6, 1.0, 1.6, 2.6, 4.5
-"""Of the smoothings."""
+"""Sigmas of the smoothings, in pixels."""
 
 SLOPES = 0, 2
-"""The smoothings whose gradients are compared."""
+"""Indices of the smoothings whose gradients are compared."""
 
 REACHES = 1, 2, 7
-"""Of the windows of least and greatest values; results stay within the last."""
+"""Radii of the windows of least and greatest values; results stay within the last."""
 
 MASKS = (1, 2.0), (2, 3.0), (3, 4.0)
-"""Which smoothing each unsharp mask takes the difference to, and how many times; each is kept
-within the window of the same number."""
+"""For each unsharp mask, the index of the smoothing and the factor of the difference to it. Its
+result stays within the window of the same index in `REACHES`."""
 
 DIFFERENCES = BANDS + len(MASKS)
-"""That the first network gives shares."""
+"""Number of differences that the first network weighs."""
 
 TOLD = (TOLD_AROUND + POOLED + BANDS * (BANDS + 1) // 2 + 3 * len(REACHES) + len(MASKS)
         + len(SLOPES))  # fmt: skip
-"""Numbers that it is told of each pixel."""
+"""Number of its features of each pixel."""
 
 NEAR = 1.8
-"""Sigma of the smoothing of energies nearby."""
+"""Sigma of the smoothing of near energies."""
 
 HALO = max(len(gaussian_of(NEAR)), REACHES[-1] + 1)
-"""Rows around a strip whose smoothings are needed: energies nearby, whose slopes need one more."""
+"""Rows around a strip whose smoothings are needed: for near energies, whose gradients need one row
+more, and for windows."""
 
 REACH = HALO + len(gaussian_of(SIGMAS[-1]))
-"""Radius in pixels within which an image affects energies nearby."""
+"""Radius in pixels within which an image affects near energies."""
 
 
 class First:
-    """The first stage for an image, of which strips are computed when they are asked for.
+    """The first stage for an image, whose strips are computed on demand.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ class First:
                                   (sigmas[0] ** 2, sigmas[1] ** 2), square)  # fmt: skip
 
     def strip(self, top: int, bottom: int) -> FirstStrip:
-        """Prepare some rows."""
+        """Prepare a strip of rows."""
         height = self.base.shape[1]
         first, last = max(top - HALO, 0), min(bottom + HALO, height)
         smooth = self.planes.smoothed(SIGMAS, first, last)
@@ -109,7 +110,7 @@ class First:
 
 @dataclass(frozen=True)
 class FirstStrip:
-    """Some rows: arrays of those from `first` on, and energies nearby from `top` on."""
+    """A strip of rows. Arrays begin at row `first`, but those of near energies at row `top`."""
 
     stage: First
     top: int
@@ -122,11 +123,11 @@ class FirstStrip:
 
     @property
     def limits(self) -> tuple[int, Singles, Singles]:
-        """Least and greatest values that results may have, and the row that they begin with."""
+        """The row that limits begin with, and the least and greatest values of results."""
         return self.first, self.low[-1], self.high[-1]
 
     def rows(self, start: int, stop: int) -> tuple[Singles, Singles]:
-        """Compute the differences of some rows, (k, c, rows, w), and what is told: (f, rows, w)."""
+        """Compute the differences of some rows, (k, c, rows, w), and features, (f, rows, w)."""
         values = self.stage.base
         c, _, w = values.shape
         differences = np.empty((DIFFERENCES, c, stop - start, w), np.float32)
@@ -153,7 +154,7 @@ def _energies_of(planes: Planes, smooth: Singles, top: int, bottom: int) -> Sing
 
 @kernel
 def _energies(start, stop, top, values, opacity, smooth, fine_slopes, slopes, out):
-    # Squared bands, squared gradients of two smoothings, and roots of two energies of bands.
+    # Squared bands, squared gradients of two smoothings, and square roots of two band energies.
     c = values.shape[0]
     share = np.float32(1 / c)
     for n in range(start, stop):

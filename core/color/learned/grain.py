@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Grain that is too strong for noise stays: that of asphalt, fur and rough stone.
+"""Restores grain that is too strong to be noise, such as that of asphalt, fur and rough stone.
 
-Not in the papers. Networks are not told how bright an image is, so that strong fine texture looks
-like noise to them. The noise of photos differs from channel to channel, and is weak beside what
-they show. So the grain that the mean of all channels loses is compared with the range of the
-smoothed image.
+Not in the papers. The features of the networks do not depend on the brightness of an image, so
+strong fine texture looks like noise to them. The noise of photos differs between channels, and is
+weak compared with the range of the image. So the grain that the mean of all channels has lost is
+compared with the range of the smoothed image.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from .planes import Planes, gaussian_of
 from .surroundings import STRIP, Singles
 
 NOISE = 0.06, 0.12
-"""Strength of grain, as a share of the range of the smoothed image, from which it is given back,
-and fully. In a photo of full range the first is 15 levels of 255 in the mean of the channels: noise
-of 26 levels in each of three. Images of one channel have no others that the noise cancels with."""
+"""Ramp of the strength of grain, as a share of the range of the smoothed image: below the first
+value it is removed, above the second it is restored fully. In a photo of full range, the first is
+15 of 255 levels in the mean of the channels, or independent noise of 26 levels in each of three."""
 
 NEAR = 4.0
-"""Sigma of the smoothing of what is lost."""
+"""Sigma of the smoothing of the lost energy, in pixels."""
 
 REACH = len(gaussian_of(NEAR))
-"""Radius in pixels within which a result affects how much grain is given back."""
+"""Radius in pixels within which a result affects how much grain is restored."""
 
 
 def give_grain_back(planes: Planes, values: Singles, span: float) -> None:
-    """Bring a result nearer to its input, in place, where strong grain was smoothed away.
+    """Mix a result with its input, in place, where strong grain was smoothed away.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def give_grain_back(planes: Planes, values: Singles, span: float) -> None:
     values : (c, h, w) float32
         The result.
     span : float
-        From the least to the greatest value of the smoothed image.
+        Range of the values of the smoothed image.
     """
     _, height, width = values.shape
     shares = np.empty((height, width), np.float32)
@@ -69,7 +69,7 @@ def give_grain_back(planes: Planes, values: Singles, span: float) -> None:
 
 
 def _known(opacity: Singles) -> Singles:
-    # Opacity where slopes are known: not beside hidden pixels, whose values say nothing.
+    # Opacity, but 0 beside hidden pixels, whose unknown values would enter the slopes.
     seen = opacity > 0
     known = seen.copy()
     for one, other in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
@@ -80,7 +80,7 @@ def _known(opacity: Singles) -> Singles:
 
 @kernel
 def _shares(lost, span, noise, shares):
-    # Slopes are four times the squared gradient: four times the variance of white noise.
+    # Slopes are four times the squared gradient, which for white noise is four times its variance.
     for y in range(lost.shape[0]):
         for x in range(lost.shape[1]):
             shares[y, x] = 0

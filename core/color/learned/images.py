@@ -23,21 +23,21 @@ from .surroundings import CELL, STRIP, WIDEST, Singles
 _ROUNDING = 16 * float(np.finfo(np.float32).eps)
 
 _MOST = 100.0
-"""The detail of a window counts at most as so many times that of most: those of photos and drawings
-differ far less, but the sun in an HDR photo would hide all else."""
+"""The detail of a window counts at most as this factor times the median. In photos and drawings it
+differs far less, but the sun in an HDR photo would outweigh all else."""
 
 
 def is_learned(settings: ImageSettings, has_guide: bool) -> bool:
-    """Whether an image is sharpened by the learned recipe.
+    """Return whether an image is sharpened by the learned recipe.
 
-    Not if a time or What is given, or a guide, or if it is enlarged; see `enlarged_images`.
+    It is not if a time, What or a guide is given, or if it is enlarged; see `enlarged_images`.
     """
     by_itself = settings.by_width and settings.what == "auto" and settings.enlarge == 1
     return by_itself and not has_guide
 
 
 def typical_detail(details: npt.NDArray, weights: npt.NDArray) -> float:
-    """Average the details of windows, of which none counts too much."""
+    """Average the details of windows, limited so that none outweighs the others."""
     seen = details > 0
     if not seen.any():
         return 0.0
@@ -45,14 +45,14 @@ def typical_detail(details: npt.NDArray, weights: npt.NDArray) -> float:
 
 
 def detail_of(values: Singles, smooth: Singles) -> Singles:
-    """Square what a smoothing took away; 0 where it is rounding alone."""
+    """Square the difference to a smoothing; 0 where it is only rounding."""
     away = values - smooth
     away[np.abs(away) < _ROUNDING * np.abs(values)] = 0
     return np.square(away)
 
 
 def ends_of(smooth: Singles, seen: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
-    """Find the least and the greatest value of each channel where it is seen: (2, c)."""
+    """Find the least and the greatest value of each channel among visible pixels: (2, c)."""
     c = len(smooth)
     values = smooth.reshape(c, -1)
     low = values.min(axis=1, initial=np.inf, where=seen.reshape(-1))
@@ -61,12 +61,12 @@ def ends_of(smooth: Singles, seen: npt.NDArray[np.bool_]) -> npt.NDArray[np.floa
 
 
 def span_of(low: npt.NDArray, high: npt.NDArray) -> float:
-    """Return how far the ends of the widest channel are apart; 0 if nothing is seen."""
+    """Return the largest range of a channel; 0 if no pixel is visible."""
     return max(float((high - low).max()), 0.0)
 
 
 def measured_detail(pixels: npt.NDArray, channels: Channels) -> float:
-    """Measure how much a smoothing takes away, as a mean square, in windows all over an image."""
+    """Measure the mean squared difference to a smoothing, in windows all over an image."""
     return _detail_and_span(pixels, channels)[0]
 
 
@@ -94,7 +94,7 @@ def _detail_and_span(pixels: npt.NDArray, channels: Channels) -> tuple[float, fl
 def measured_for_learned(
     pixels: npt.NDArray, channels: Channels, settings: ImageSettings
 ) -> Measured:
-    """Measure what the recipe needs of the whole image; and its borders if they are reported."""
+    """Measure detail and span of the whole image, and its borders if they are reported."""
     borders = Borders()
     if settings.width == 0 and channels.start == 0 and is_gathered():
         borders = measure_borders(pixels, scale_of(pixels), channels)
@@ -156,7 +156,7 @@ def sharpen_pixels_learned(
 
 @kernel
 def _put(start, stop, old, new, first, rounded, out):
-    # What did not change keeps its bits, and so do hidden pixels: they are 0 in both.
+    # Unchanged values keep their bits, and so do hidden pixels, which are 0 in both.
     for y in range(start, stop):
         for c in range(len(old)):
             for x in range(old.shape[2]):

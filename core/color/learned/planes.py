@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Channels of an image as planes of float32, beside their opacity.
+"""Channels of an image as planes of float32, with their opacity.
 
-The stages ask `Planes` for all that depends on where pixels lie, so that what has other neighbours,
-such as the texels of an atlas, gives another kind of planes.
+All that depends on the neighbours of pixels is computed by `Planes`, so that the stages also work
+for other kinds of neighbours, such as those of texels in an atlas, by a subclass.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ...base.checks import BAND, SCALES
 from ...base.parallel import blocks, kernel, run
-from ...base.progress import aside
+from ...base.progress import aside, ask
 from ...grid.advect import advect_pixels
 from ...grid.channels import Channels
 from ...grid.part import Part
@@ -32,22 +32,22 @@ gaussian_of = cache(gaussian)
 
 
 def variance_of(sigma: float) -> float:
-    """Variance of the weights of a Gaussian, which are cut off."""
+    """Return the variance of the weights of a Gaussian, which are truncated."""
     weights = gaussian_of(sigma).astype(np.float64)
     return float(2.0 * (np.arange(len(weights)) ** 2 @ weights))
 
 
 class Plan(NamedTuple):
-    """How values flow.
+    """The flow of an image.
 
     Attributes
     ----------
     times : (h, w) float32
-        For how long.
+        Flow time of each pixel.
     shares : (h, w) float32
-        How far they follow a potential that is smoothed further.
+        Weight, from 0 to 1, of a potential that is smoothed further.
     passes : int
-        By so many passes.
+        Number of these further smoothing passes.
     """
 
     times: Singles
@@ -62,7 +62,7 @@ class Planes:
     Attributes
     ----------
     values : (c, h, w) float32
-        In the image's range; 0 where nothing is visible.
+        In the image's range; 0 at hidden pixels.
     opacity : (h, w) float32 in [0, 1], or (0, 0) if all is visible
     """
 
@@ -70,11 +70,11 @@ class Planes:
     opacity: Singles
 
     whole = False
-    """Whether rows can only be smoothed together with all others."""
+    """Whether all rows must be smoothed together."""
 
     @property
     def weighted(self) -> bool:
-        """Whether energies count by weights, which `with_weights` adds."""
+        """Whether energies have weights, which `with_weights` appends."""
         return self.opacity.size > 0
 
     @classmethod
@@ -97,26 +97,26 @@ class Planes:
         return Planes(values, self.opacity)
 
     def forget(self) -> None:
-        """Forget what only the first stage needs."""
+        """Free what only the first stage needs."""
 
     def columns(self, start: int, stop: int) -> slice | npt.NDArray[np.bool_]:
-        """Which pixels of some rows, one row after the other, are to be computed."""
+        """Return the index of the pixels to compute among those of some rows, flattened."""
         return slice(None)
 
     def told(self, start: int, stop: int) -> Singles:
-        """What networks are told of some rows beside what the stages tell: (k, rows, w)."""
+        """Return features of some rows in addition to those of the stages: (k, rows, w)."""
         return np.empty((0, stop - start, self.values.shape[2]), np.float32)
 
     def surroundings(self) -> Surroundings:
-        """Return what finds means over wide surroundings."""
+        """Return an object that computes means over wide surroundings."""
         return Squares(*self.values.shape[1:])
 
     def premultiplied(self) -> Planes:
-        """Return the values times their opacity, all of which count alike."""
+        """Return the values times their opacity, as planes without opacity."""
         return Planes(self.values * self.opacity, NONE) if self.opacity.size else self
 
     def with_weights(self, energies: Singles, top: int, bottom: int) -> Singles:
-        """Return energies of some rows, (k, rows, w), with the opacity if there is one."""
+        """Append the opacity, if there is one, to energies of some rows: (k, rows, w)."""
         if self.opacity.size:
             energies = np.concatenate([energies, self.opacity[None, top:bottom]])
         return np.ascontiguousarray(energies)
@@ -124,12 +124,13 @@ class Planes:
     def averaged(
         self, energies: Singles, first: int, sigma: float, top: int, bottom: int
     ) -> Singles:
-        """Smooth energies that were weighted by opacity: (k, rows from `first` on, w)."""
+        """Smooth energies that are weighted by opacity and begin at row `first`: (k, rows, w)."""
         weights = gaussian_of(sigma)
         count, rows, width = energies.shape
         height = self.values.shape[1]
         out = np.empty((count, bottom - top, width), np.float32)
         for energy, target in zip(energies, out, strict=True):
+            ask()
             smooth_rows(energy, first, height, weights, top, target)
         if not self.opacity.size:
             return out
@@ -142,6 +143,7 @@ class Planes:
         count, _, width = self.values.shape
         out = np.empty((len(sigmas), count, bottom - top, width), np.float32)
         for smooth, sigma in zip(out, sigmas, strict=True):
+            ask()
             self._smooth(gaussian_of(sigma), top, bottom, smooth)
         return out
 
@@ -165,7 +167,7 @@ class Planes:
         Parameters
         ----------
         smooth : (c, rows, w) float32
-            The first and the last row have no neighbours beyond.
+            At the first and the last row, one-sided differences are used.
 
         Returns
         -------
@@ -185,7 +187,7 @@ class Planes:
         Returns
         -------
         low, high : (r, c, rows, w) float32
-            Of the rows from `top` to `bottom`; what lies beyond does not count.
+            For the rows from `top` to `bottom`; rows outside are ignored.
         """
         band = self.values[:, top:bottom]
         low, high = (np.empty((len(reaches), *band.shape), np.float32) for _ in range(2))
@@ -196,6 +198,7 @@ class Planes:
             if hidden is not None and r == 0:
                 low[r][:, hidden], high[r][:, hidden] = np.inf, -np.inf
             for least, most in zip(low[r], high[r], strict=True):
+                ask()
                 least_and_greatest(least, most, reach - done)
             done = reach
         if hidden is not None:
@@ -210,7 +213,7 @@ class Planes:
         nearest: bool,
         part: Part | None,
     ) -> Planes:
-        """Let the values flow.
+        """Advect the values.
 
         Parameters
         ----------
@@ -244,12 +247,12 @@ class Planes:
 
 
 class WholePlanes(Planes, ABC):
-    """Planes whose rows are smoothed together; smoothings and ranges are kept."""
+    """Planes whose rows are smoothed together; smoothings and ranges are cached."""
 
     whole = True
 
     def forget(self) -> None:
-        """Forget all that was computed but the widest ranges."""
+        """Free all cached arrays except the widest ranges."""
         self._kept_smooth.clear()
         last = max(self._ranges, key=max)
         kept = tuple(each[-1:].copy() for each in self._ranges[last])
@@ -287,7 +290,7 @@ class WholePlanes(Planes, ABC):
 
 
 def planes_of(pixels: Singles) -> Singles:
-    """Return the channels of pixels (h, w, c) as planes of their own."""
+    """Return the channels of pixels (h, w, c) as separate planes: (c, h, w)."""
     return np.ascontiguousarray(np.moveaxis(pixels, 2, 0))
 
 
@@ -301,7 +304,7 @@ def _slopes(start, stop, smooth, out):
 
 @kernel
 def mix_potentials(start, stop, fine, wide, shares):
-    """Mix two potentials by the shares of the second, which receives the result."""
+    """Mix two potentials by the weights of the second, in place of the second."""
     for y in range(start, stop):
         for x in range(fine.shape[1]):
             wide[y, x] = fine[y, x] + shares[y, x] * (wide[y, x] - fine[y, x])
@@ -309,7 +312,7 @@ def mix_potentials(start, stop, fine, wide, shares):
 
 @kernel
 def keep_within(start, stop, first, base, d, shares, low, high, out):
-    """Add differences times their shares to rows of the base, within a range.
+    """Add differences times their weights to rows of the base, clipped to a range.
 
     Parameters
     ----------

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The learned recipe for images: two stages, whose differences networks mix pixel by pixel.
+"""The learned recipe for images: two stages, in which networks weigh differences for each pixel.
 
-Not in the papers. The networks have learned from made pictures (`tools/training`) how much of each
-difference brings a spoiled picture back. Shares may have any sign; each stage's result is kept
-between the least and the greatest value within 7 pixels. Nothing is decided by a threshold, so that
-what changes little has a result that changes little. Finally, `grain` gives back what is too strong
-for noise.
+Not in the papers. The networks are trained on synthetic pictures (`tools/training`) to restore
+degraded ones by adding weighted differences. Weights may have any sign; the result of each stage is
+clipped to the range of values within 7 pixels. There are no thresholds, so the result depends
+continuously on the image. Finally, `grain` restores grain that is too strong to be noise.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...base.parallel import run
-from ...base.progress import phase
+from ...base.progress import ask, phase
 from ...grid.part import Part
 from ...grid.potential import flow_reach
 from ...mixture.network import Network, digest, load
@@ -43,18 +42,19 @@ DEFINITION = digest("images 2", repr((
     second_stage.SOFT, second_stage.FLOWED, second_stage.SMOOTHER, second_stage.WIDELY,
     WIDE.tolist(), SOFTEST, CELL,
 )))  # fmt: skip
-"""Changes with what the numbers mean; count the first word up when the code changes them."""
+"""Digest of what the features mean. When a change of the code changes them, raise the number in the
+first text."""
 
 FAINT = 5e-5
-"""Of an image's detail: energy that counts as none."""
+"""Energy that counts as none, over the detail of the image."""
 
 _MOST = float(np.finfo(np.float16).max)
 
 _PIXELS = 4096
-"""That a network looks at at once."""
+"""Pixels per call of a network."""
 
 _AT_ONCE = 32 * _PIXELS
-"""Pixels that a thread mixes before it takes others, where rows are no strips."""
+"""Pixels per chunk of a thread, for planes that are not computed in strips."""
 
 _MESSAGE = "Sharpening"
 
@@ -63,7 +63,7 @@ _REACH = second_stage.REACH + REACH_OF_GRAIN
 
 
 class Wishes(NamedTuple):
-    """What settings say about a learned sharpening.
+    """The parameters of a learned sharpening.
 
     Attributes
     ----------
@@ -76,8 +76,8 @@ class Wishes(NamedTuple):
     nearest : bool
         Whether the nearest pixel is read at the ends of flow-lines.
     span : float
-        From the least to the greatest value of the smoothed image: grain that is strong beside it
-        stays. Infinity lets all grain go.
+        Range of the values of the smoothed image; grain that is strong compared with it stays.
+        Infinity removes all grain.
     """
 
     floor: float
@@ -89,7 +89,7 @@ class Wishes(NamedTuple):
 
 @cache
 def networks() -> list[Network]:
-    """The networks that give differences their shares, one for each stage."""
+    """Load the networks that weigh the differences, one for each stage."""
     found = load(WEIGHTS, DEFINITION)
     return [found[name] for name in STAGES]
 
@@ -106,14 +106,14 @@ def sharpened(
     Parameters
     ----------
     planes : Planes
-        Of at least two rows and columns.
+        With at least two rows and columns.
     brightness : (k,) float32
         Weights of the channels that guide the flow, as in `Channels`.
     wishes : Wishes
     part : Part, optional
-        The wanted pixels, if the image is a part of another one; others are not meant to be read.
+        The wanted pixels, if the image is a part of another one; results elsewhere are undefined.
     nets : list of Network, optional
-        One for each stage; those that are shipped by default.
+        One for each stage; by default the shipped ones.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def second_of(
 def mixed(
     stage: First | Second, network: Network, keep_shares: bool = True
 ) -> tuple[Singles, npt.NDArray[np.float16]]:
-    """Add a stage's differences to its image as the network says; return the shares, too."""
+    """Add a stage's differences, weighted by the network, to its image; return also the weights."""
     base = stage.base
     _, height, width = base.shape
     out = np.empty_like(base)
@@ -157,6 +157,7 @@ def mixed(
 
     def mix(strip: FirstStrip | SecondStrip, start: int, stop: int) -> None:
         for y in range(start, stop, rows):
+            ask()  # a strip of a wide image takes long
             end = min(y + rows, stop)
             differences, told = strip.rows(y, end)
             if len(more := stage.planes.told(y, end)):
@@ -174,7 +175,7 @@ def mixed(
         with phase(0.0, 0.4, _MESSAGE):
             strip = stage.strip(0, height)
         with phase(0.4, 1.0, _MESSAGE):
-            few = min(STRIP, max(_AT_ONCE // width, 1))  # so that large textures ask often, too
+            few = min(STRIP, max(_AT_ONCE // width, 1))  # so that large textures report progress
             run(partial(mix, strip), height, chunk=few)
     else:
         run(lambda start, stop: mix(stage.strip(start, stop), start, stop), height, chunk=STRIP)
@@ -182,9 +183,9 @@ def mixed(
 
 
 def reach(passes: int) -> tuple[int, int]:
-    """Return the radii in pixels within which an image affects the flow, and what flowed a result.
+    """Return two radii in pixels: of an image's effect on its flow, and on results after the flow.
 
-    The result is affected within both, and as far as flow-lines go.
+    The total radius is the sum of both and the length of flow-lines.
     """
     before = first_stage.REACH + reach_of_surroundings()
     return before + flow_reach(passes) + second_stage.SMOOTHER, _REACH

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the learned recipe reports; see `base.findings`."""
+"""Reports of the learned recipe; see `base.findings`."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from ...base.findings import tell
 from ...grid.borders import Borders
 
 _NARROWER = 0.95
-"""Borders whose width in the result is at least so much of the old one stayed as they were."""
+"""Borders count as unchanged if the width in the result is at least this share of the old one."""
 
 _SAME = 0.02
-"""Detail that changes by at most this share is the same, to the eye."""
+"""Relative change of the detail up to which no difference is visible."""
 
 _WIDE = 8.0
-"""Networks have seen few borders that are wider; such ones may stay."""
+"""Width above which borders may stay, because the training set has few of them."""
 
 _SOFT, _HARDLY_NARROWER = 4.0, 0.85
-"""Wider borders that keep so much of their width still look blurred."""
+"""Borders wider than the first value that keep more than the second of their width still look
+blurred."""
 
 
 def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
@@ -52,5 +53,5 @@ def tell_learned(unit: str, before: Borders, after: Borders | None) -> None:
 
 
 def tell_opacity() -> None:
-    """Report that opacity was sharpened, which has borders of its own."""
+    """Report that opacity was sharpened too."""
     tell("Opacity was sharpened, too.")

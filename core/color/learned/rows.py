@@ -10,12 +10,12 @@ from ...base.parallel import kernel
 
 @kernel
 def half_log(value):
-    """Half the logarithm of a value that is not negative, plus 2: exact to 1e-4.
+    """Return log(value + 1e-5) / 2 + 2 for a value that is not negative, exact to 1e-4.
 
-    1e-5 is added first. The exponent is read from the bits, and a polynomial of the mantissa does
-    the rest: it is the same on every machine, and compilers turn it into code for vectors. Windows
-    without contrast give NaN, 0/0, whose sign differs between processors: it counts as negative, as
-    on those that the networks were trained on, and gives about -42.
+    The exponent is read from the bits, and a polynomial of the mantissa adds the rest. This gives
+    the same bits on every machine, and compilers vectorize it. Windows without contrast give NaN,
+    0/0, whose sign differs between processors. It is taken as negative, as on those that the
+    networks were trained on, and gives about -42.
     """
     bits = np.float32(value + np.float32(1e-5)).view(np.int32)
     if (bits & 0x7FFFFFFF) > 0x7F800000:
@@ -28,7 +28,7 @@ def half_log(value):
 
 @kernel
 def put_logs(inverse, energy, out):
-    """Half the logarithms of energies times `inverse`."""
+    """Write the `half_log` of energies times `inverse`."""
     for x in range(len(out)):
         out[x] = half_log(energy[x] * inverse[x])
 
@@ -71,7 +71,7 @@ def multiply(a, out):
 
 @kernel
 def signed_root(scale, out):
-    """Take roots of products in place; each keeps its sign."""
+    """Take the square roots of scaled absolute values, in place, and keep the signs."""
     for x in range(len(out)):
         root = np.sqrt(abs(out[x]) * scale[x])
         out[x] = root if out[x] >= 0 else -root
@@ -93,9 +93,10 @@ def add_slopes(scale, plane, y, out):
 
 @kernel
 def tell_products(scale, d, count, n, told, at):
-    """Tell the products of all pairs of `count` differences, as signed roots; return the end.
+    """Write the products of all pairs of `count` differences, as signed roots, to features.
 
-    `d` (k, c, rows, w) and `told` (f, rows, w) are of row `n`; `at` is the first to be told.
+    `d` is (k, c, rows, w) and `told` is (f, rows, w), both used in row `n`. The features begin at
+    index `at`; returned is the index after them.
     """
     for k in range(count):
         for m in range(k + 1):
@@ -110,9 +111,10 @@ def tell_products(scale, d, count, n, told, at):
 
 @kernel
 def tell_range(share, inverse, total, value, low, high, other, spare, span, away, cross):
-    """Tell a window's width, the place within it, and whether that and `other` point alike.
+    """Compute features of a window: its range, the position in it, and its product with `other`.
 
-    `value`, `low`, `high` and `other` are rows of all channels; the last three are told.
+    `value`, `low`, `high` and `other` are rows of all channels; `span`, `away` and `cross` are
+    overwritten with the features.
     """
     span[:], away[:], cross[:] = 0, 0, 0
     for i in range(len(value)):
@@ -131,7 +133,7 @@ def tell_range(share, inverse, total, value, low, high, other, spare, span, away
 
 @kernel
 def scales_of(near, top, y, bands, share, total, inverse, scale):
-    """Set one over the total, and what brings products to about 1: one over the energy nearby."""
+    """Set the inverse of the total, and the inverse of the near energy, which scales products."""
     scale[:] = 0
     for k in range(bands):
         row = near[k, y - top]

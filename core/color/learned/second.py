@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The second stage: the first one's result flows to its borders, and is smoothed a little."""
+"""The second stage: the result of the first is advected to its borders, and smoothed a little."""
 
 from __future__ import annotations
 
@@ -34,36 +34,36 @@ from .surroundings import (
 )
 
 DIFFERENCES = 5
-"""That the second network gives shares."""
+"""Number of differences that the second network weighs."""
 
 TOLD = (TOLD_AROUND + FIRST_DIFFERENCES + DIFFERENCES * (DIFFERENCES + 1) // 2
         + 2 * DIFFERENCES + 3)  # fmt: skip
-"""Numbers that it is told of each pixel."""
+"""Number of its features of each pixel."""
 
 SPAN = 1
-"""The window whose range is a border's contrast."""
+"""Index, in `REACHES`, of the window whose range is the contrast of a border."""
 
 RATE, CELLS, TEXTURE = 0.7, 3.0, 0.3
-"""A border of a contrast closes in `RATE` times the fourth power of its width over the squared
-contrast; what a grid's own coarseness adds to squared widths; and how much of the total energy
-around counts as contrast, so that little flows where there is nothing but texture."""
+"""A border closes in the time `RATE` * width^4 / contrast^2. `CELLS` is added to squared widths for
+the coarseness of the grid. `TEXTURE` times the total energy around is added to squared contrasts,
+so that pure texture hardly flows."""
 
 SOFT = 0.7, 1.5
 """Sigmas of two smoothings of the first stage's result."""
 
 FLOWED = 0.5
-"""Sigma of the smoothing of what flowed."""
+"""Sigma of the smoothing of the advected image."""
 
 SMOOTHER, WIDELY = 16, 3.0
-"""Further smoothing passes on the potential of wide borders, on which small errors of values would
-lead flow-lines astray; and the width, as a Gaussian's sigma, from which on more than half of the
-flow follows them."""
+"""Further smoothing passes on the potential of wide borders, where small errors of values would
+divert flow-lines; and the width, as a Gaussian's sigma, at which that potential has half of the
+weight."""
 
 _SQUARED_WIDTH = 6.57
-"""From 10 to 90 percent, of a border that a Gaussian of sigma 1 has blurred."""
+"""Squared width, from 10 to 90 percent, of a border blurred by a Gaussian of sigma 1."""
 
 _FAINT = 0.05
-"""Pixels of less opacity flow as if they had this one."""
+"""Least opacity in the computation of flow times; less opaque pixels count as having this one."""
 
 _CONTRAST = REACHES[SPAN] / 2
 
@@ -72,7 +72,7 @@ REACH = reach_of_wide() + len(gaussian_of(FLOWED)) + len(gaussian_of(NEAR))
 
 
 def flow_plan(first: First) -> Plan:
-    """Find for how long each pixel flows, and how smooth a potential it follows."""
+    """Find the flow time of each pixel, and the weight of the smoother potential."""
     _, height, width = first.base.shape
     times, shares = (np.empty((height, width), np.float32) for _ in range(2))
     premultiplied = first.planes.premultiplied()
@@ -101,7 +101,7 @@ def flow_plan(first: First) -> Plan:
 
 
 class Second:
-    """The second stage for an image, of which strips are computed when they are asked for.
+    """The second stage for an image, whose strips are computed on demand.
 
     Parameters
     ----------
@@ -109,9 +109,9 @@ class Second:
     result : Planes
         The first stage's result.
     shares : (k, h, w) float16
-        The shares that it gave its differences.
+        The weights of its differences.
     moved : Planes
-        The result after its flow.
+        The advected result.
     """
 
     told, differences = TOLD, DIFFERENCES
@@ -149,7 +149,7 @@ class Second:
         return out
 
     def strip(self, top: int, bottom: int) -> SecondStrip:
-        """Prepare some rows."""
+        """Prepare a strip of rows."""
         height = self.base.shape[1]
         reach = max(len(gaussian_of(NEAR)) - 1, REACHES[-1])
         first, last = max(top - reach, 0), min(bottom + reach, height)
@@ -164,7 +164,7 @@ class Second:
 
 @dataclass(frozen=True)
 class SecondStrip:
-    """Some rows: arrays of those from `first` on, and energies nearby from `top` on."""
+    """A strip of rows. Arrays begin at row `first`, but those of near energies at row `top`."""
 
     stage: Second
     top: int
@@ -177,7 +177,7 @@ class SecondStrip:
     limits: tuple[int, Singles, Singles]
 
     def rows(self, start: int, stop: int) -> tuple[Singles, Singles]:
-        """Compute the differences of some rows, (k, c, rows, w), and what is told: (f, rows, w)."""
+        """Compute the differences of some rows, (k, c, rows, w), and features, (f, rows, w)."""
         stage = self.stage
         c, _, w = stage.base.shape
         differences = np.empty((DIFFERENCES, c, stop - start, w), np.float32)
@@ -203,7 +203,7 @@ def _contrasts(top, bottom, first, low, high, out):
 
 @kernel
 def _times(start, stop, large, opacity, times, shares):
-    # `times` holds contrasts.
+    # On input, `times` holds contrasts.
     width = times.shape[1]
     for y in range(start, stop):
         row, squared, total = times[y], large[0, y - start], large[1, y - start]

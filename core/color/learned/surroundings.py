@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What lies around a pixel: energies at a quarter and at a sixteenth of the image's size.
+"""Features of the surroundings of a pixel: energies at a quarter and a sixteenth of the resolution.
 
-Squares of 4 and of 16 pixels begin at the image's corner, so that a part of an image has the same
-ones as the whole if it begins at a multiple of 16 pixels. What is no image has `Surroundings` of
-another kind.
+They are means over squares of 4 and of 16 pixels, which begin at the image's corner: a part of an
+image has the same squares as the whole if it begins at a multiple of 16 pixels. Textures have a
+`Surroundings` class of their own.
 """
 
 from __future__ import annotations
@@ -21,51 +21,51 @@ from .rows import half_log
 Singles = npt.NDArray[np.float32]
 
 CELL = 16
-"""Pixels along a side of the largest squares."""
+"""Side of the largest squares, in pixels."""
 
 WIDE = np.array([5, 4, 3, 2, 1], np.float32) / np.float32(25)
-"""Weights of the squares around one, from the middle outwards: of a standard deviation of 2, and of
-less reach than a Gaussian."""
+"""Weights of the smoothing over squares, from the center outwards: a standard deviation of 2, but
+with a smaller radius than a Gaussian."""
 
 BANDS = 5
-"""Differences of one smoothing and the next."""
+"""Number of bands: differences between one smoothing and the next."""
 
 POOLED = BANDS + 2
-"""The energies of the bands, and of two squared gradients."""
+"""Number of energies: of the bands, and two squared gradients."""
 
 TOLD_AROUND = 2 * POOLED + 5
-"""What networks are told of the surroundings; the total energy comes after that."""
+"""Number of features of the surroundings; the total energy follows after them."""
 
 WIDTH, TOTAL = TOLD_AROUND - 1, TOLD_AROUND
-"""Where the squared width of borders is, and that total."""
+"""Indices of the squared width of borders, and of that total."""
 
 SOFTEST = 6.0
-"""The widest blur that is told apart, as a Gaussian's sigma."""
+"""Upper limit of the measured blur, as a Gaussian's sigma in pixels."""
 
 WIDEST = 4.5
-"""The widest blur that networks have learned to take away: what is softer is to stay so."""
+"""The widest blur that networks are trained to remove, as a sigma; softer borders must stay."""
 
 _SHARPEST = 0.2
 
 STRIP = 128
-"""Rows of an image that a thread takes at once: a multiple of `CELL`."""
+"""Rows of an image per chunk of a thread; a multiple of `CELL`."""
 
 
 def reach_of_surroundings() -> int:
-    """Radius in pixels within which energies affect what is told of their surroundings."""
-    squares = len(WIDE)  # with one more, between whose middles values are read
+    """Return the radius in pixels within which energies affect features of the surroundings."""
+    squares = len(WIDE)  # and one more, because values are interpolated between centers
     return (squares + 1) * CELL + 2 * 4
 
 
 def reach_of_wide() -> int:
-    """Radius in pixels within which energies affect means over squares of 4 pixels."""
+    """Return the radius in pixels within which energies affect means over squares of 4 pixels."""
     return (len(WIDE) + 1) * 4
 
 
 class Surroundings(Protocol):
-    """Finds means of energies over wide surroundings.
+    """Computes means of energies over wide surroundings.
 
-    Means are arrays (k, ...) of whatever shape: only these methods look into it.
+    Means are arrays (k, ...) whose further axes are known to these methods only.
     """
 
     def means(self, count: int, energies: Callable[[int, int], Singles]) -> Singles:
@@ -80,13 +80,13 @@ class Surroundings(Protocol):
         """
 
     def smoothed(self, means: Singles, weighted: bool) -> Singles:
-        """Smooth means over 8 pixels or so; if `weighted`, the last are the others' weights."""
+        """Smooth means over about 8 pixels; if `weighted`, the last array holds their weights."""
 
     def of_region(self, means: Singles, weighted: bool) -> Singles:
-        """Smooth means over 32 pixels or so."""
+        """Smooth means over about 32 pixels."""
 
     def rows(self, means: Singles, start: int, stop: int) -> Singles:
-        """Read means at the pixels of some rows: (k, rows, w)."""
+        """Interpolate means at the pixels of some rows: (k, rows, w)."""
 
 
 class Squares:
@@ -111,7 +111,7 @@ class Squares:
         return small
 
     def smoothed(self, means: Singles, weighted: bool) -> Singles:
-        """Smooth means over 8 pixels or so."""
+        """Smooth means over about 8 pixels."""
         out = np.empty_like(means)
 
         def work(start: int, stop: int) -> None:
@@ -122,7 +122,7 @@ class Squares:
         return averages(out, weighted)
 
     def of_region(self, means: Singles, weighted: bool) -> Singles:
-        """Smooth means over 32 pixels or so, at a sixteenth of the image's size."""
+        """Smooth means over about 32 pixels, at a sixteenth of the resolution."""
         largest = np.empty((len(means), *(-(-n // 4) for n in means.shape[1:])), np.float32)
         run(_reduce, len(means), means, largest, chunk=1)
         out = np.empty_like(means[: len(means) - weighted])
@@ -131,14 +131,14 @@ class Squares:
         return out
 
     def rows(self, means: Singles, start: int, stop: int) -> Singles:
-        """Read means between the middles of squares."""
+        """Interpolate means between the centers of squares."""
         out = np.empty((len(means), stop - start, len(self._places[0])), np.float32)
         _rows(start, stop, means, *self._places, out)
         return out
 
 
 def averages(sums: Singles, weighted: bool) -> Singles:
-    """Divide smoothed values, in place, by their smoothed weights, which are the last of them."""
+    """Divide smoothed values, in place, by their smoothed weights, the last array."""
     if not weighted:
         return sums
     values, weights = sums[:-1], sums[-1]
@@ -153,20 +153,20 @@ def told_around(
     slopes: tuple[float, float],
     square: float,
 ) -> Singles:
-    """Find what networks are told of the surroundings.
+    """Compute the features of the surroundings.
 
     Parameters
     ----------
     around : Surroundings
     small : (9, ...) float32
-        Means of squares of 4 pixels: energies of the bands and of the squared gradients of two
-        smoothings, and roots of two energies.
+        Means over squares of 4 pixels: energies of the bands, squared gradients of two smoothings,
+        and square roots of two energies.
     weighted : bool
-        Whether all are times the opacity, which comes last.
+        Whether all are multiplied by the opacity, which is appended.
     floor : float
         Energy that counts as none.
     slopes : (float, float)
-        Squared sigmas of the smoothings whose gradients these are.
+        Squared sigmas of the smoothings of these gradients.
     square : float
         Squared width of borders, as a Gaussian's sigma; 0 measures it.
 
@@ -183,14 +183,14 @@ def told_around(
 
 
 def relative(wide: Singles, total: Singles) -> Singles:
-    """Compare further energies with the total."""
+    """Return half the logarithms of energies over the total."""
     out = np.empty_like(wide)
     run(_tell_relative, len(wide), wide, total, out, chunk=1)
     return out
 
 
 def places(width: int) -> tuple[npt.NDArray[np.int32], Singles]:
-    """Find where the pixels of a row lie in one of a quarter of its size: cells, and places."""
+    """Find, for the pixels of a row, cells and fractions between centers of squares of 4 pixels."""
     place = np.clip((np.arange(width) + 0.5) / 4 - 0.5, 0, -(-width // 4) - 1)
     cell = place.astype(np.int32)
     return cell, (place - cell).astype(np.float32)
@@ -198,9 +198,9 @@ def places(width: int) -> tuple[npt.NDArray[np.int32], Singles]:
 
 @kernel
 def enlarged_row(planes, y, place, rest, line, out):
-    """Read a row between the middles of squares of 4 pixels, from planes of a quarter of the size.
+    """Interpolate a row of the image from planes at a quarter of the resolution.
 
-    `line` is a spare row, of one more than the planes' width.
+    `line` is a buffer, longer by one than the rows of the planes.
     """
     m, h, w = planes.shape
     v = min(max((y + np.float32(0.5)) / 4 - np.float32(0.5), np.float32(0)), np.float32(h - 1))
@@ -234,7 +234,7 @@ def _enlarge(start, stop, planes, place, rest, out):
 
 @kernel
 def _reduce(start, stop, planes, out):
-    # Means of squares of 4 x 4 pixels; those at the rim hold what there is.
+    # Means over squares of 4 x 4 pixels; squares at the border may be smaller.
     _, h, w = planes.shape
     line = np.empty(w, np.float32)
     for n in range(start, stop):
@@ -255,7 +255,8 @@ def _reduce(start, stop, planes, out):
 
 @kernel
 def _tell(start, stop, wide, region, floor, slopes, limits, told):
-    # Logarithms of energies over the region's, and the width of borders; the total comes last.
+    # Half logarithms of energies over the total of the region, and the squared width of borders;
+    # the total comes last.
     tiny = floor + np.float32(1e-30)
     for y in range(start, stop):
         for x in range(wide.shape[2]):
@@ -272,7 +273,7 @@ def _tell(start, stop, wide, region, floor, slopes, limits, told):
                 told[at, y, x] = half_log((a * a + tiny) / (e[0, y, x] + e[1, y, x] + tiny))
                 told[at + 1, y, x] = half_log((b * b + tiny) / (e[3, y, x] + tiny))
                 at += 2
-            # The squared slopes of a border add up to what goes with one over its width.
+            # Summed across a border, squared slopes are proportional to 1 / width.
             a = wide[BANDS, y, x] + np.float32(0.25) * region[BANDS, y, x] + tiny
             b = wide[BANDS + 1, y, x] + np.float32(0.25) * region[BANDS + 1, y, x] + tiny
             r = (a / b) ** 2

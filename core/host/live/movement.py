@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Movements of vertices that a host program adds to a mesh, and what tells whether they still fit.
+"""Movements of vertices that a host program adds to a mesh, and marks that tell if they still fit.
 
 A host keeps these arrays with the mesh, so that they follow its vertices and edges through edits:
-new elements get other values, or none. `is_fitting` is what nodes in the host compute, too.
+new elements get other values, or none. Nodes in the host compute the same as `is_fitting`.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ import numpy as np
 import numpy.typing as npt
 
 _BITS = 23
-"""Of a mark: the sum of two is exact in float32, in which nodes may calculate."""
+"""Bits of a mark: the sum of two marks is exact in float32, which nodes may use."""
 
 _MASK = (1 << _BITS) - 1
 
 
 _SPREAD = 1023
-"""Of a mark of a face, to both sides of 0: sums of millions are exact in float32."""
+"""Largest absolute value of the mark of a face: sums of millions are exact in float32."""
 
 
 @dataclass(frozen=True)
 class Connectivity:
-    """What is connected in a mesh.
+    """The connectivity of a mesh.
 
     Attributes
     ----------
@@ -48,19 +48,19 @@ class Connectivity:
 
 @dataclass(frozen=True)
 class Marks:
-    """What is kept of a mesh beside its movement.
+    """Marks that are stored with a mesh beside its movement.
 
     Attributes
     ----------
     vertices : (n,) int32
-        A number for each vertex, scattered, so that other pairs have other sums.
+        A scattered number for each vertex, so that different pairs have different sums.
     counts : (n, 3) float32
         The numbers of vertices, edges and faces, the same for each vertex.
     edges : (e,) int32
         The sum of the numbers at the ends of each edge.
     faces : (f, 3) float32
-        Whole numbers for each face, scattered, whose sums are 0: they are not after a face was
-        replaced by another, be that without numbers or with those of a neighbor.
+        Scattered whole numbers for each face, whose sums are 0. They are no longer 0 if a face is
+        replaced by another one, without numbers or with those of a neighbor.
     places : (n,) int32
         Digest of the position of each vertex.
     """
@@ -73,10 +73,10 @@ class Marks:
 
 
 def movement(old: npt.NDArray[np.float32], new: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return what is added to positions in float32 to get new ones: (n, 3).
+    """Return the float32 movement to add to positions to get new ones: (n, 3).
 
-    The sums are the new positions to the bit where coordinates change by less than a factor of two;
-    elsewhere they may be off by the spacing of floats at the larger one.
+    The sums equal the new positions bit for bit where coordinates change by less than a factor of
+    two; elsewhere the error is up to the spacing of floats at the larger one.
     """
     moves = new - old
     for toward in (-np.inf, np.inf):
@@ -132,8 +132,8 @@ def _balanced(count: int) -> npt.NDArray[np.float32]:
 
 
 def _scattered(count: int) -> npt.NDArray[np.int32]:
-    # Different numbers from 1, for as many as there are; multiplying by odd ones and shifting
-    # are one to one.
+    # Distinct numbers from 1, one for each index: multiplying by odd numbers and shifting are
+    # one-to-one.
     numbers = np.arange(count, dtype=np.uint64) & np.uint64(_MASK)
     for factor, shift in ((0x2C1B3C6D, 11), (0x297A2D39, 12), (0x6F4F2A35, 11)):
         numbers = numbers * np.uint64(factor) & np.uint64(_MASK)

@@ -24,10 +24,10 @@ def paint_on(
     context : bpy.types.Context
     image : bpy.types.Image
     texture : bpy.types.Image
-        The image beside which it lies. The UV map by which the materials show that becomes the
-        active one, by which brushes paint.
+        The image whose texels it shares. Its UV map in the materials becomes the active one, which
+        brushes use.
     undo : ExitStack, optional
-        Takes what sets all back.
+        Collects callbacks that restore everything.
     """
     undo = ExitStack() if undo is None else undo  # which is not closed
     paint = context.tool_settings.image_paint

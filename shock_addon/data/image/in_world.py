@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Read objects as they are seen, where they are in the world: what is baked, and what occludes."""
+"""Read visible shapes in world space, for baking and as occluders."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from ..skipped import Skipped
 
 
 def others(context: bpy.types.Context, left: list[bpy.types.Object]) -> list[WorldMesh]:
-    """Read all objects that are seen and rendered but those that are left out.
-
-    What cannot be read is in another mode, has no faces, or is at NaN: it casts no shadow.
+    """Read all visible and rendered objects except the given ones. Objects in another mode,
+    without faces or at NaN cannot be read, and cast no shadow.
     """
     shown = [obj for obj in context.visible_objects if obj.type == "MESH" and not obj.hide_render]
     return read_each([obj for obj in shown if obj not in left])[0]

@@ -30,7 +30,7 @@ def note(image: bpy.types.Image) -> None:
 
 
 def waiting(context: bpy.types.Context) -> bpy.types.Image | None:
-    """Return the image that was generated last, if it waits unlinked in a chosen material."""
+    """Return the image that was generated last, if its node in a chosen material is not linked."""
     nodes = [node for tree in _trees(context) for node in _image_nodes(tree)]
     for uid in reversed(_made):
         found = [node for node in nodes if node.image.session_uid == uid]

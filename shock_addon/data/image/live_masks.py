@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mask images of live textures, which say where the result is seen: made, found and kept."""
+"""Mask images of live textures, which set where the result is shown."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def of_gain(
 ) -> tuple[bpy.types.Image, bool]:
     """Return a mask that is white where a gain map is painted.
 
-    It is that of an earlier run, written anew, if nobody has painted on it since.
+    It is the updated mask of an earlier run, if nobody has painted on it since.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def of_gain(
 def to_paint(
     names: list[str], old: bpy.types.Image, gain_map: bpy.types.Image | None
 ) -> tuple[bpy.types.Image, bool]:
-    """Return the mask of a live texture; a new one is black, so that nothing of it is seen.
+    """Return the mask of a live texture; a new one is black, so that the result is not shown.
 
     Parameters
     ----------

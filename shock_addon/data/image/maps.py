@@ -76,13 +76,13 @@ def _check(
 ) -> None:
     image = node.image
     if coordinates_of(node) not in places:
-        raise Skipped("it lies on the surface in another way than {lead}", lead=lead.name)
+        raise Skipped("it is mapped to the surface in another way than {lead}", lead=lead.name)
     if image.source != lead.source and "TILED" in {image.source, lead.source}:
-        raise Skipped("one of it and {lead} has UDIM tiles", lead=lead.name)
+        raise Skipped("only one of it and {lead} has UDIM tiles", lead=lead.name)
     if image.source == "TILED":
         sizes = [{t.number: tuple(t.size) for t in each.tiles} for each in (image, lead)]
         if sizes[0] != sizes[1]:
-            raise Skipped("its tiles are other ones than those of {lead}", lead=lead.name)
+            raise Skipped("its tiles differ from those of {lead}", lead=lead.name)
 
 
 def coordinates_of(

@@ -225,8 +225,8 @@ def _other_users(
     if not others:
         return []
     text = pgettext_rpt(
-        "{image} is also on {names}, which took no part; select all of them, or the gutter may run"
-        " into their charts."
+        "{image} is also on {names}, which were not filtered; select all of them, or the gutter"
+        " may run into their charts."
     )
     return [text.format(image=image.name, names=", ".join(others))]
 
@@ -366,7 +366,7 @@ def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list
         raise Skipped("no face lies in one of its tiles; move the UVs into them")
     left = int(np.count_nonzero(~inside))
     text = pgettext_rpt(
-        "{number:,} triangles lie in no tile, or across the rim of one; they took no part."
+        "{number:,} triangles lie in no tile, or across the border of one; they were left out."
     )
     notes = [text.format(number=left)]
     weights = None if faces.weights is None else faces.weights[inside]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The node group *Shock Filter Colors*, which adds a difference to a color attribute.
 
-As `nodes` does with a movement. There is one for each kind of color attribute, since a node that
-stores an attribute has its type and its domain fixed. Opacity stays.
+It works like `nodes` for movements. There is one for each kind of color attribute, since a node
+that stores an attribute has its type and its domain fixed. Opacity does not change.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ NAME = "Shock Filter Colors"
 VERSION = 2
 
 ATTRIBUTES = (DIFFERENCE, *marks.COLORS)
-"""All that belong to a difference of colors."""
+"""All attributes of a difference of colors."""
 
 ATTRIBUTE = "Attribute"
 """An input of the group, beside Amount and Mask: the name of the color attribute."""

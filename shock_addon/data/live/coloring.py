@@ -93,7 +93,7 @@ def state(obj: bpy.types.Object) -> str:
 def _in_linear_light(
     mesh: bpy.types.Mesh, data_type: str, domain: str, values: npt.NDArray
 ) -> npt.NDArray[np.float32]:
-    # As Blender converts what is stored: rounded to bytes, where they are.
+    # As Blender converts them: byte colors are rounded.
     if data_type != "BYTE_COLOR":
         return values[:, :3].astype(np.float32)
     place = mesh.attributes.new(_LINEAR, data_type, domain)

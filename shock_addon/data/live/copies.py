@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Live copies: objects that show the result of what another object shows, and know which."""
+"""Live copies: objects that show the filtered shape of another object, their source."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from . import coloring, movement, results, stacks, watching
 
 
 def write(target: MeshTarget, result: Any) -> bpy.types.Object:
-    """Write a result of what is seen of an object into its live copy, which is added if need be.
+    """Write the filtered visible shape of an object into its live copy; add one if there is none.
 
     Linked duplicates of the copy get its new mesh, too.
 
@@ -43,7 +43,7 @@ def write(target: MeshTarget, result: Any) -> bpy.types.Object:
 
 
 def release(mesh: bpy.types.Mesh) -> None:
-    """Take the objects that show a mesh for live copies no more: it is not made of a source."""
+    """Make the objects that show a mesh no longer live copies, since it has no source."""
     for obj in stacks.users_of(mesh):
         for key in (LIVE_SOURCE, LIVE_AUTO, watching.SEEN, watching.CHANGED):
             obj.pop(key, None)

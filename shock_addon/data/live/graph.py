@@ -60,7 +60,7 @@ def share(draw: Drawing, given: Any) -> Any:
 
 
 def end(draw: Drawing, fits: Any, mesh: Any, changed: Any, attributes: Sequence[str]) -> None:
-    """Hand on what was changed if it fits, without these attributes: Apply leaves none behind."""
+    """Output the changed mesh if it fits, without these attributes, so that Apply removes them."""
     result = draw.switch(9, fits, mesh, changed)
     for column, name in enumerate(attributes):
         remove = draw.node("GeometryNodeRemoveAttribute", 10 + column, Geometry=result)

@@ -28,7 +28,7 @@ def _names(prefix: str) -> Names:
 
 
 SHAPE, COLORS = _names(".shock_"), _names(".shock_color_")
-"""Of a movement, and of a difference of colors: each may have been computed for another mesh."""
+"""Those of movements and of color differences, which may be computed for different meshes."""
 
 _KINDS = (
     ("INT", "POINT"),
@@ -39,7 +39,7 @@ _KINDS = (
 
 
 def write(mesh: bpy.types.Mesh, names: Names, marks: Marks, domain: str = "POINT") -> None:
-    """Write marks; `domain` is that of the places."""
+    """Write marks; `domain` is the domain of the positions."""
     values = (marks.vertices, marks.counts, marks.edges, marks.faces, marks.places)
     for name, kind, each in zip(names, (*_KINDS, ("INT", domain)), values, strict=True):
         arrays.write_attribute(arrays.find_or_add_attribute(mesh, name, *kind), each)
@@ -67,7 +67,7 @@ def remove(mesh: bpy.types.Mesh, names: tuple[str, ...]) -> None:
 
 
 def connectivity(mesh: bpy.types.Mesh) -> Connectivity:
-    """Read what is connected in a mesh."""
+    """Read the connectivity of a mesh."""
     if len(mesh.loops) == 3 * len(mesh.polygons):
         starts = np.arange(0, len(mesh.loops), 3, dtype=np.int32)
     else:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from ....core.host.geometry import Reshaped
 
 FRESH, MOVED, STALE, NONE = "fresh", "moved", "stale", ""
-"""What a movement is to its mesh: computed for it as it is, before vertices moved, or for another
-connectivity, so that it is not applied; or there is none."""
+"""State of a movement: computed for the current mesh, computed before vertices moved, computed for
+another connectivity and so not applied, or missing."""
 
 _SHARP = "BOOLEAN", "EDGE"
 
@@ -71,7 +71,7 @@ def remove(mesh: bpy.types.Mesh) -> bool:
 
 
 def state(obj: bpy.types.Object) -> str:
-    """Return what the movement of an object that is not in Edit Mode is to its mesh."""
+    """Return the state of the movement of an object that is not in Edit Mode."""
     mesh = obj.data
     if arrays.find_attribute(mesh, MOVE, "FLOAT_VECTOR", "POINT") is None:
         return NONE if MOVE not in mesh.attributes else STALE

@@ -2,7 +2,7 @@
 """The node group *Shock Filter*, which adds a movement to the vertices of a mesh.
 
 It is built of nodes that Blender 4.2 to 5.2 have, so that it works where the extension is missing.
-Where the mesh has another connectivity than the movement was computed for, it hands its input on.
+If the mesh has another connectivity than the movement was computed for, it outputs its input.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from . import graph, marks
 
 NAME = "Shock Filter"
 VERSION = 3
-"""Of the nodes; a group that is newer or older is left to the objects that have it."""
+"""Version of the nodes; objects with a newer or older group keep it."""
 
 SHARP = ".shock_sharp"
 """The attribute with the edges to be sharp."""
 
 ATTRIBUTES = (MOVE, *marks.SHAPE, SHARP)
-"""All that belong to a movement."""
+"""All attributes of a movement."""
 
 MARK_SHARP = "Mark Sharp"
 """An input of the group, beside Amount and Mask."""

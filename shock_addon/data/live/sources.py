@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is seen of the source of a live copy, told apart from what was seen before."""
+"""Digests of the visible shape of a live copy's source, to notice changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SUBDIVISION = ("levels", "subdivision_type", "quality", "boundary_smooth", "uv_
 
 
 def digest(source: bpy.types.Object, graph: bpy.types.Depsgraph) -> str:
-    """Return what differs where the place, the mesh or its attributes differ.
+    """Return a digest of the transform, the mesh and its attributes.
 
     Empty where the graph does not evaluate the object as a filter would read it. Vertex groups do
     not count.

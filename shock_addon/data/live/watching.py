@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which live copies are behind their sources, found out while Blender evaluates changes."""
+"""Which live copies are out of date, found out while Blender evaluates changes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import bpy
 from ..chosen import live_source
 
 CHANGED = "shock_filter_changed"
-"""Key among a copy's properties, in files that were saved while it was behind."""
+"""Key among a copy's properties, in files that were saved while it was out of date."""
 
 SEEN = "shock_filter_seen"
 """Key of what a copy was made of, see `sources.digest`, among its properties: undo restores it."""
 
 _changed: dict[int, float] = {}
-"""Copies that are behind, by uids: when their sources changed last."""
+"""For copies that are out of date, by uids: when their sources changed last."""
 
 _copies: dict[int, set[int]] = {}
-"""Of each live copy, by uids: what its source depends on."""
+"""The data on which the source of each live copy depends, by uids."""
 
 _doubtful: set[int] = set()
 """Copies that are compared with what their sources show, by uids, as soon as that is evaluated."""
@@ -66,7 +66,7 @@ def note(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
 
 
 def doubt() -> None:
-    """Say that any copy may be up to date or behind: after an undo, a redo or a preview.
+    """Mark all copies as unknown, after an undo, a redo or a preview.
 
     An undo also takes updates back, and a preview leaves sources as they were.
     """
@@ -75,7 +75,7 @@ def doubt() -> None:
 
 
 def note_updated(obj: bpy.types.Object) -> None:
-    """Take a copy as up to date."""
+    """Mark a copy as up to date."""
     graph = bpy.context.evaluated_depsgraph_get()  # which calls `note` with what waits
     _changed.pop(obj.session_uid, None)
     obj.pop(CHANGED, None)
@@ -92,7 +92,7 @@ def has_changed(obj: bpy.types.Object) -> bool:
 
 
 def changed_copies() -> list[bpy.types.Object]:
-    """List the live copies that are behind."""
+    """List the live copies that are out of date."""
     return [obj for uid in list(_changed) if (obj := _object(uid)) is not None]
 
 
@@ -110,7 +110,7 @@ def state_for_panel(obj: bpy.types.Object, find: Any) -> str:
 
 
 def keep(*_: object) -> None:
-    """Write into a file that is saved which copies are behind."""
+    """Store in a saved file which copies are out of date."""
     for obj in filter(None, map(_object, _copies)):
         if obj.library is None:
             obj.pop(CHANGED, None)
@@ -139,7 +139,7 @@ def forget() -> None:
 
 
 def dependencies(obj: bpy.types.Object) -> set[int]:
-    """Return the uids of the data on which what is seen of an object depends."""
+    """Return the uids of the data on which the visible shape of an object depends."""
     found: set[int] = set()
     open_ends: list[Any] = [obj]
     while open_ends:
@@ -222,7 +222,7 @@ def _compare(uid: int, graph: bpy.types.Depsgraph) -> None:
 
 
 def _is_masked(copy: bpy.types.Object) -> bool:
-    """Whether a result depends on a vertex group of the source, which is not told apart."""
+    """Whether a result depends on a vertex group of the source, which digests do not cover."""
     from . import recipes  # which needs json
 
     return any(settings.get("vertex_group") for _, settings in recipes.all_noted(copy.data))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between a mesh and the flow: on which faces it lies, and the attributes that hold it if asked."""
+"""Conversion of a flow to the faces of a mesh and, on request, to its attributes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class FlowOfMesh(NamedTuple):
 
 
 def flow_of(target: MeshTarget, result: Flow) -> tuple[bpy.types.Object, FlowOfMesh]:
-    """Find the object, and bring its flow to the faces, in Object Mode.
+    """Find the object, and convert its flow to the faces, in Object Mode.
 
     Raises
     ------

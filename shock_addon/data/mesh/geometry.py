@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a new shape goes, and what is set anew after it.
+    """Where a new shape is written, and what is recomputed afterwards.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ _SINGULAR = 1e-6
 _UNIFORM = 1e-5
 
 _AT_ONCE = 1 << 15
-"""Triangles whose corners are looked up at once, in memory that is used again."""
+"""Number of triangles whose corners are looked up at once, in memory that is reused."""
 
 
 @contextmanager
@@ -98,7 +98,7 @@ def read_targets(
         ``read(obj, mode, parameters)`` gives the place and the surface of a `MeshTarget`; `mode` is
         the one that the person works in, while the object is in Object Mode.
     parameters : object
-        What `read` looks at.
+        The parameters for `read`.
     is_seen : callable
         ``is_seen(obj)`` says whether to read what is seen of an object, with modifiers and shape
         keys applied, and not its mesh; see `visible`.
@@ -116,7 +116,7 @@ def read_targets(
     Raises
     ------
     Refused
-        If that is wanted outside Object Mode.
+        If visible shapes are requested outside Object Mode.
     """
 
     def read_target(obj: bpy.types.Object, mode: str) -> MeshTarget:
@@ -197,7 +197,7 @@ def read_active(
 
 
 def _no_meshes(context: bpy.types.Context) -> list[tuple[str, str]]:
-    """Name selected objects that show a surface but are no meshes, and say what makes them such."""
+    """List selected objects with a surface that are not meshes, and how to convert them."""
     found = []
     for obj in context.selected_objects if context.mode == "OBJECT" else []:
         if obj.type in CONVERTIBLE:

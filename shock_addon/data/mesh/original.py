@@ -57,7 +57,7 @@ class Original:
         self.keys = {name: values for (kind, name), values in self._old.items() if kind == _KEY}
 
     def note_shown(self) -> None:
-        """Take what the mesh holds now as shown by the preview."""
+        """Store the current mesh data as those shown by the preview."""
         mesh = self._find()
         if mesh is not None:
             self._note(mesh)
@@ -137,7 +137,7 @@ def color_attribute(target: MeshTarget) -> str | None:
 
 
 def show(target: MeshTarget, original: Original, result: Any) -> None:
-    """Write a result so that it is seen; `Original.restore` undoes it.
+    """Show a result in the mesh; `Original.restore` undoes it.
 
     Raises
     ------

@@ -83,7 +83,7 @@ def _shown_alone(obj: bpy.types.Object, mode: str) -> bpy.types.ShapeKey | None:
 
 
 def are_weighted(obj: bpy.types.Object) -> bool:
-    """Whether a vertex group says how much of a shape key is seen."""
+    """Whether a shape key has a vertex group that limits it."""
     keys = obj.data.shape_keys
     return keys is not None and any(
         key.vertex_group in obj.vertex_groups for key in keys.key_blocks
@@ -122,7 +122,7 @@ def write_active(obj: bpy.types.Object, positions: Positions) -> None:
 def add(obj: bpy.types.Object, name: str, old: Positions, new: Positions, mode: str) -> None:
     """Add a key with value 1 that turns the shape that is seen, `old`, into `new`.
 
-    It is relative to the Basis, or to the key that is shown alone, which it shall replace.
+    It is relative to the Basis, or to the key that is shown alone, which it replaces.
     """
     if obj.data.shape_keys is None:
         obj.shape_key_add(name="Basis", from_mix=False)

@@ -21,7 +21,7 @@ class MeshTarget:
     place : object
         Where the result goes: for geometry a `Place`, for colors the attribute's name.
     surface : Surface
-        What is handed to the filter.
+        The input of the filter.
     is_seen : bool
         Whether it is what is seen of the object, with modifiers and shape keys applied; the result
         then goes into a new one.

@@ -2,7 +2,7 @@
 """The weights of vertex groups.
 
 Scripts reach weights only vertex by vertex, which takes seconds on a million of them. Geometry
-nodes read them at once: a copy of the mesh, in a scene of its own, hands them out as an attribute.
+nodes read them at once: a copy of the mesh, in a separate scene, outputs them as an attribute.
 """
 
 from __future__ import annotations

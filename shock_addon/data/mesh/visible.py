@@ -26,7 +26,7 @@ _DEFORMING = {"ARMATURE", "CURVE", "LATTICE"}
 
 @contextmanager
 def copied(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
-    """Give an object in no scene that has what is seen of another one as its mesh; then remove it.
+    """Yield a temporary object, in no scene, whose mesh is the visible shape of another one.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ def copied(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
 
 @contextmanager
 def shown(obj: bpy.types.Object) -> Iterator[Any]:
-    """Give what reads like that which `copied` gives, and is there sooner.
+    """Yield an object that reads like that of `copied`, but faster.
 
-    Blender draws all windows anew when an object is added or removed, beside the run that begins.
-    So that is done only for objects with vertex groups or shape keys.
+    Blender redraws all windows when an object is added or removed, while the run starts. So an
+    object is added only for those with vertex groups or shape keys.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def with_mesh(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> bpy.types.Object:
 def evaluated(
     obj: bpy.types.Object,
 ) -> Iterator[tuple[bpy.types.Object, bpy.types.Depsgraph]]:
-    """Give an object as it is evaluated, in a scene of its own where it is not otherwise."""
+    """Yield the evaluated object, in a temporary scene if Blender does not do it itself."""
     if is_evaluated(obj, bpy.context.view_layer):
         graph = bpy.context.evaluated_depsgraph_get()
         yield obj.evaluated_get(graph), graph
@@ -231,7 +231,7 @@ def evaluated(
 
 
 def is_evaluated(obj: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
-    """Whether Blender evaluates an object: not what is disabled, but what is hidden."""
+    """Whether Blender evaluates an object: hidden ones, but not disabled ones."""
     if obj.hide_viewport or obj.name not in layer.objects:
         return False
     collections = [layer.layer_collection]

@@ -24,13 +24,13 @@ class MapImage(NamedTuple):
     Attributes
     ----------
     key : hashable
-        By which the document knows it.
+        The document's key for the image.
     name : str
-        For people.
+        Name shown to people.
     part : str
         What it is to the material: `COLOR`, `NORMALS`, or another word.
     ending : str
-        Of a file of its format, such as ``".png"``.
+        Ending of files of its format, such as ``".png"``.
     data : bytes
         The image as a file.
     is_cut_out : bool

@@ -145,7 +145,7 @@ def _row_lengths(data: bytes, place: int, element: Element, order: str) -> tuple
 
 
 def _dtype(element: Element, lengths: Iterable[int], order: str) -> np.dtype[Any]:
-    # Of rows whose lists have these lengths.
+    # The type of rows whose lists have these lengths.
     fields: list[tuple[Any, ...]] = []
     left = iter(lengths)
     for k, each in enumerate(element.properties):
