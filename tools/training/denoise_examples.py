@@ -60,6 +60,9 @@ FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
 DISPLACED = {"clean": 0.6, "white": 0.25, "wide": 0.15}
 """Shares among `displaced` meshes: without noise, with white noise, and with correlated noise."""
 
+STEEP_FIRST, SHORT_FIRST = 1_000_000, 2_000_000
+"""First seeds of `steep` and `short`; those of the other makers begin at 0."""
+
 
 class Example(NamedTuple):
     """A mesh, the true normals (m, 3) of its faces, and its kind."""
@@ -152,11 +155,15 @@ def divided(seed: int) -> Example:
     return _low_noisy(rng, v, f, "divided", UNTOUCHED_CAGES, 0.01)
 
 
-def displaced(seed: int) -> Example:
-    """Make an even mesh with relief, its vertices moved along the normals; most have no noise."""
+def displaced(seed: int, *relief) -> Example:
+    """Make an even mesh with relief, its vertices moved along the normals; most have no noise.
+
+    The relief is what `even_meshes.wavy` makes of `relief`; by default its waves have at least 4
+    edges.
+    """
     rng = np.random.default_rng(seed)
     v, f, n, edge = even(rng)
-    v = v + heights(rng, v, edge, 4) * n
+    v = v + heights(rng, v, edge, *(relief or (4,))) * n
     truth = core.TriangleMesh(v, f).normals
     kind = str(rng.choice(list(DISPLACED), p=list(DISPLACED.values())))
     if kind == "clean":
@@ -170,6 +177,16 @@ def displaced(seed: int) -> Example:
     amount = np.exp(rng.uniform(np.log(0.03), np.log(most))) * edge
     v = v + amount * noise / noise.std() * n
     return Example(core.TriangleMesh(v, f), truth, "noisy displaced")
+
+
+def steep(seed: int) -> Example:
+    """Make an even mesh with relief steeper than 30 degrees; most have no noise."""
+    return displaced(STEEP_FIRST + seed, 5, 40, 7, (0.6, 3), 8)
+
+
+def short(seed: int) -> Example:
+    """Make an even mesh with relief of 3.5 to 8 edges per wave; most have no noise."""
+    return displaced(SHORT_FIRST + seed, 3.5, 8, 7)
 
 
 def drawn(seed: int) -> Example:

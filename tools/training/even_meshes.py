@@ -20,11 +20,11 @@ def even(rng):
     return v, f, n / norm(n)[:, None], mean_edge(v, f)
 
 
-def heights(rng, v, edge, shortest, longest=40, kinds=5):
+def heights(rng, v, edge, *which):
     """Return the heights, at vertices, of relief as from `wavy`, everywhere or in places."""
-    relief = wavy(rng, edge, shortest, longest, kinds)
+    relief = wavy(rng, edge, *which)
     if rng.random() < 0.3:
-        one, other = relief, wavy(rng, edge, shortest, longest, kinds)
+        one, other = relief, wavy(rng, edge, *which)
         relief = lambda p: 0.7 * (one(p) + other(p))  # noqa: E731
     high = relief(v)
     if rng.random() < 0.4:
@@ -33,15 +33,16 @@ def heights(rng, v, edge, shortest, longest=40, kinds=5):
     return high[:, None]
 
 
-def wavy(rng, h, shortest, longest=40, kinds=5):
+def wavy(rng, h, shortest, longest=40, kinds=5, slopes=(0.12, 1), highest=3):
     """Make relief for a mesh of edge length `h`: a function from points to heights.
 
-    Its wavelength is `shortest` to `longest` edge lengths. It is one of the first `kinds` kinds: 5
+    Its wavelength is `shortest` to `longest` edge lengths, its slope in the range `slopes`, and its
+    height at most `highest` edge lengths. It is one of the first `kinds` kinds: 5
     are waves, 7 add clouds and cells, and turn half of all relief upside down.
     """
     length = np.exp(rng.uniform(np.log(shortest), np.log(longest)))
-    steep = np.exp(rng.uniform(np.log(0.12), 0))
-    high = h * np.clip(steep * length / (2 * np.pi), 0.2, 3.0)
+    steep = np.exp(rng.uniform(*np.log(slopes)))
+    high = h * np.clip(steep * length / (2 * np.pi), 0.2, highest)
     kind, off = rng.integers(0, kinds), rng.uniform(0, 6.3, 8)
     k = rng.normal(size=(8, 3))
     k *= (2 * np.pi / (length * h) * rng.uniform(0.7, 1.3, 8) / norm(k))[:, None]

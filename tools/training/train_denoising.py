@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from denoise_examples import cage, displaced, divided, drawn, example, figure, rough
+from denoise_examples import cage, displaced, divided, drawn, example, figure, rough, short, steep
 from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.base import parallel
@@ -35,18 +35,19 @@ MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py
            "even_meshes.py", "meshings.py", "solids.py", "train_denoising.py")  # fmt: skip
 """The scripts that the networks depend on."""
 
-VERSION = 4
+VERSION = 5
 """Number of shipped trainings."""
 
 MAKERS = {"solid": example, "white": partial(example, kind="white"),
           "field": partial(example, kind="field"), "range": partial(example, kind="range"),
           "figure": figure, "displaced": displaced, "drawn": drawn, "cage": cage,
-          "divided": divided, "rough": rough}  # fmt: skip
+          "divided": divided, "rough": rough, "steep": steep, "short": short}  # fmt: skip
 COUNTS = {"solid": 1500, "white": 200, "field": 150, "range": 200, "figure": 350, "displaced": 350,
-          "drawn": 160, "cage": 400, "divided": 250, "rough": 150}  # fmt: skip
+          "drawn": 160, "cage": 800, "divided": 250, "rough": 150, "steep": 400,
+          "short": 300}  # fmt: skip
 """Number of seeds for each of `MAKERS`."""
 
-LATE = "cage", "divided", "rough"
+LATE = "cage", "divided", "rough", "steep", "short"
 """Names of makers that only the last stage is trained on."""
 
 FACES, ROWS = (24, 60_000), (400, 1600)
