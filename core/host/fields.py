@@ -17,6 +17,7 @@ from ..base.progress import ProgressCallback, phase, reporting
 from ..grid.resize import resized
 from ..maps.baking import bake_maps
 from ..mesh.directions import gradient_directions, named_directions
+from ..mesh.edges import half_edges_between
 from ..mesh.triangle_mesh import TriangleMesh
 from ..registry import find
 from ..settings import BakeSettings, describe
@@ -151,6 +152,8 @@ def generate(
                 given["directions"], given["at"] = named_directions(atlas.mesh, given.pop("along"))
             if "rising" in given:
                 given["directions"] = gradient_directions(atlas.mesh, given.pop("rising"))
+            if "edges" in given:
+                given["edges"] = _of_faces(atlas.mesh, given["edges"])
             if "occluders" in given:
                 given["occluders"] = [each.mesh for each in given["occluders"]]
             if "directions" in given:
@@ -165,6 +168,11 @@ def generate(
     shown = np.isfinite(values) if surface.at_vertices else np.isfinite(values) & atlas.inside
     values = values.astype(np.float32, copy=False)
     return Generated(values, shown, tuple(atlas.report.findings(made=True)))
+
+
+def _of_faces(mesh: TriangleMesh, edges: npt.NDArray) -> npt.NDArray:
+    # The edges that faces have: others are loose, or belong to faces of another material.
+    return edges[half_edges_between(mesh, edges.astype(np.int64))[1]]
 
 
 def _at_vertices(

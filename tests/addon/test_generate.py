@@ -585,3 +585,23 @@ def test_a_mask_from_sharp_edges_is_narrow_and_says_its_width(sheet):
     np.testing.assert_allclose(read("Grid Distance"), expected, atol=0.1)
     said = f"The gradient ends at a distance of {found['generate']['width'].text}."
     assert said in operators.summaries["generate"]
+
+
+@pytest.mark.parametrize("start", ["SHARP", None])
+def test_edges_without_faces_do_not_count(sheet, start):
+    sheet.rotation_euler.y = -0.5 * np.pi  # the left side is the lowest one
+    bpy.context.view_layer.update()
+    mesh = sheet.data
+    count, edges = len(mesh.vertices), len(mesh.edges)
+    mesh.vertices.add(2)
+    for vertex, y in zip(mesh.vertices[count:], (-0.5, 0.5), strict=True):
+        vertex.co = (-1.0, y, 0.0)
+    mesh.edges.add(1)
+    mesh.edges[edges].vertices = (count, count + 1)
+    mesh.edges[edges].select = mesh.vertices[count].select = mesh.vertices[count + 1].select = False
+    if start:
+        for edge in in_column(sheet, -1.0):
+            edge.use_edge_sharp = True
+    words = {"start": start} if start else {}
+    assert generate(look="distance", image_size=str(SIZE), **words) == {"FINISHED"}
+    assert np.abs(read("Grid Distance") - from_left()).max() < 0.02
