@@ -207,8 +207,8 @@ def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, cho
         none = np.bincount(parts, turned, minlength=mesh.face_count) > 0.5 * area
         narrow = area <= _SLIVER * around**2
         if (narrow[here] & (area[here] < _SMALL_AREA)).any():
-            even = kept(mesh, "evenly meshed", (), partial(_evenly_meshed, mesh))
-            even = np.bincount(parts, mesh.areas * even, minlength=mesh.face_count)
+            shares = kept(mesh, "evenly meshed", (), partial(_evenly_meshed, mesh))
+            even = np.bincount(parts, mesh.areas * shares, minlength=mesh.face_count)
             none |= narrow & (even > 0.5 * area)
         rows = np.flatnonzero((here != there) & (area[here] < _SMALL_AREA) & none[here])
         pairs = here[rows].astype(np.int64) * mesh.face_count + there[rows]
