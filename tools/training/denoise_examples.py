@@ -60,8 +60,8 @@ FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
 DISPLACED = {"clean": 0.6, "white": 0.25, "wide": 0.15}
 """Shares among `displaced` meshes: without noise, with white noise, and with correlated noise."""
 
-STEEP_FIRST, SHORT_FIRST = 1_000_000, 2_000_000
-"""First seeds of `steep` and `short`; those of the other makers begin at 0."""
+STEEP_FIRST = 1_000_000
+"""First seed of `steep`; those of the other makers begin at 0."""
 
 
 class Example(NamedTuple):
@@ -182,11 +182,6 @@ def displaced(seed: int, *relief) -> Example:
 def steep(seed: int) -> Example:
     """Make an even mesh with relief steeper than 30 degrees; most have no noise."""
     return displaced(STEEP_FIRST + seed, 5, 40, 7, (0.6, 3), 8)
-
-
-def short(seed: int) -> Example:
-    """Make an even mesh with relief of 3.5 to 8 edges per wave; most have no noise."""
-    return displaced(SHORT_FIRST + seed, 3.5, 8, 7)
 
 
 def drawn(seed: int) -> Example:

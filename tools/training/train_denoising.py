@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from denoise_examples import cage, displaced, divided, drawn, example, figure, rough, short, steep
+from denoise_examples import cage, displaced, divided, drawn, example, figure, rough, steep
 from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.base import parallel
@@ -41,13 +41,12 @@ VERSION = 5
 MAKERS = {"solid": example, "white": partial(example, kind="white"),
           "field": partial(example, kind="field"), "range": partial(example, kind="range"),
           "figure": figure, "displaced": displaced, "drawn": drawn, "cage": cage,
-          "divided": divided, "rough": rough, "steep": steep, "short": short}  # fmt: skip
+          "divided": divided, "rough": rough, "steep": steep}  # fmt: skip
 COUNTS = {"solid": 1500, "white": 200, "field": 150, "range": 200, "figure": 350, "displaced": 350,
-          "drawn": 160, "cage": 800, "divided": 250, "rough": 150, "steep": 400,
-          "short": 300}  # fmt: skip
+          "drawn": 160, "cage": 400, "divided": 250, "rough": 150, "steep": 400}  # fmt: skip
 """Number of seeds for each of `MAKERS`."""
 
-LATE = "cage", "divided", "rough", "steep", "short"
+LATE = "cage", "divided", "rough", "steep"
 """Names of makers that only the last stage is trained on."""
 
 FACES, ROWS = (24, 60_000), (400, 1600)
