@@ -17,7 +17,7 @@ from ..base.progress import ProgressCallback, phase, reporting
 from ..grid.resize import resized
 from ..maps.baking import bake_maps
 from ..mesh.directions import gradient_directions, named_directions
-from ..mesh.edges import half_edges_between
+from ..mesh.edges import checked_edges, half_edges_between
 from ..mesh.triangle_mesh import TriangleMesh
 from ..registry import find
 from ..settings import BakeSettings, describe
@@ -170,9 +170,10 @@ def generate(
     return Generated(values, shown, tuple(atlas.report.findings(made=True)))
 
 
-def _of_faces(mesh: TriangleMesh, edges: npt.NDArray) -> npt.NDArray:
+def _of_faces(mesh: TriangleMesh, edges: npt.ArrayLike) -> npt.NDArray[np.int64]:
     # The edges that faces have: others are loose, or belong to faces of another material.
-    return edges[half_edges_between(mesh, edges.astype(np.int64))[1]]
+    pairs = checked_edges(mesh, edges)
+    return pairs[half_edges_between(mesh, pairs)[1]]
 
 
 def _at_vertices(
