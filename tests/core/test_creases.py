@@ -21,11 +21,11 @@ PAPER = core.GeometrySettings.of_paper()
 PULL = 0.3
 
 EXPECTED = [
-    [0.0042015, -0.0635294, -0.2374262],
-    [0.0308349, 0.0170498, -0.0171447],
-    [0.0086264, -0.0602167, -0.0304091],
-    [0.0061224, 0.0305425, 0.0319812],
-    [-0.0464075, -0.0229599, -0.0332326],
+    [-0.0113738, -0.0616805, -0.2783312],
+    [0.0319080, 0.0149604, -0.0181364],
+    [0.0061711, -0.0472091, -0.0298997],
+    [0.0056168, 0.0263622, 0.0281526],
+    [-0.0401814, -0.0139358, -0.0201926],
 ]
 
 
@@ -520,7 +520,7 @@ def test_a_box_under_a_bumpy_ball_closes_whatever_the_relief():
         assert after < 0.75
 
 
-@pytest.mark.parametrize("wave", [5, 6, 10])
+@pytest.mark.parametrize("wave", [4, 6, 10])
 def test_relief_of_an_even_sheet_stays(wave):
     vertices, faces = grid(60, 60)
     vertices = vertices * [59, 59, 1] / np.maximum(np.ptp(vertices, axis=0), 1e-9)

@@ -63,9 +63,6 @@ IN_DOUBT = 3.5
 """Added after training to the bias of the score of a face's own normal: this halves the changes of
 models unlike the training set, and closes creases of parts just as well."""
 
-KIND_WEIGHTS = {"displaced": 2.0}
-"""Factor of the weight of the meshes of a kind."""
-
 USUAL, AS_IT_IS = 5.0, 5.0
 """Degrees. The weight of a mesh is 1 / (its mean error + the first), or 1 / the second if its own
 normals are the targets."""
@@ -95,8 +92,8 @@ def table(path: Path) -> dict[str, np.ndarray] | None:
     own = near[keep, 0].max(1)
     off = np.degrees(np.arccos(np.clip(own, -1, 1))).mean() if keep.any() else 0.0
     count = int(keep.sum())
+    weight = weight_of(off)
     name, seed = path.stem.rsplit("_", 1)
-    weight = weight_of(off) * KIND_WEIGHTS.get(name, 1.0)
     return {
         "told": told[keep], "candidates": candidates[keep], "targets": targets[keep],
         "weights": np.full(count, weight, np.float32),
