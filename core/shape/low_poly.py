@@ -141,7 +141,8 @@ def crisp_low_poly(
         lengths, above 0 and up to 10; twice as far along creases, whose corners a remesh cuts. In
         components of some dozens of faces, and where faces in one plane have edges of many
         lengths, as in exports of design programs, the unit is the shortest edge at each vertex, if
-        that is less.
+        that is less. In turn, points on large new faces lie within three times as far from the
+        sharpened mesh, so that no face spans a gap.
     turn : float
         How far a collapse may turn the surface away from the sharpened mesh, in degrees, from 0.1
         to 60, over an area of a few faces; over larger areas less. Smaller values keep more faces

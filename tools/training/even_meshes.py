@@ -37,8 +37,8 @@ def wavy(rng, h, shortest, longest=40, kinds=5, slopes=(0.12, 1), highest=3):
     """Make relief for a mesh of edge length `h`: a function from points to heights.
 
     Its wavelength is `shortest` to `longest` edge lengths, its slope in the range `slopes`, and its
-    height at most `highest` edge lengths. It is one of the first `kinds` kinds: 5
-    are waves, 7 add clouds and cells, and turn half of all relief upside down.
+    height at most `highest` edge lengths. It is one of the first `kinds` kinds: 5 are waves, 7 add
+    clouds and cells, and turn half of all relief upside down.
     """
     length = np.exp(rng.uniform(np.log(shortest), np.log(longest)))
     steep = np.exp(rng.uniform(*np.log(slopes)))
