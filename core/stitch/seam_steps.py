@@ -160,12 +160,13 @@ def _same_material(
     both = np.column_stack([shown, other])
     near = _averaged(np.column_stack([both, error]), places, group, _NEAR)
     wide = _averaged(both, places, group, _LONG)
+    channels = shown.shape[1]
     one, two = np.split(near[:, :-1] - wide, 2, axis=1)
     independent = np.clip(np.bincount(group)[group] / _INDEPENDENT[0], 1.0, _NEAR)
     # `error` is half the squared error of a side, because the second differences it is measured by
     # contain detail that both sides may share.
     chance = near[:, -1] / independent + _FAINT**2 * both.var(axis=0).sum()
-    light = chance * _looks_like_light(*np.split(wide, 2, axis=1), scale)
+    light = chance * _looks_like_light(wide[:, :channels], wide[:, channels:], scale)
     products = [(one * two).sum(axis=1), (one**2).sum(axis=1), (two**2).sum(axis=1)]
     energies = np.column_stack([*products, chance, light])
     common, of_one, of_two, chance, light = _averaged(energies, places, group, _LONG).T

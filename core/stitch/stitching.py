@@ -366,11 +366,8 @@ def _with_surface(space: TextureSpace, source: _Source) -> Floats:
     points = space.cut_cells.pieces.points
     known = ~np.isnan(source.corners[:, 0])
     counts = np.maximum(np.bincount(points[known], minlength=len(space.cut_cells.kinds)), 1)
-    means = np.stack(
-        [np.bincount(points[known], column[known], len(counts)) for column in source.corners.T],
-        axis=1,
-    )  # fmt: skip
-    means /= counts[:, None]
+    sums = [np.bincount(points[known], column[known], len(counts)) for column in source.corners.T]
+    means = np.stack(sums, axis=1) / counts[:, None]
     surface = space.at_corners(surface_values(space, source.values, source.corners))
     corners: Floats = source.corners + (1.0 - source.shares[:, None]) * (surface - means[points])
     return corners
@@ -413,7 +410,7 @@ def _source(
     # `opacity` becomes the largest of all sources.
     atlas, alpha = space.atlas, texture.alpha
     values = values_of(atlas, picture, alpha, texture.frames)
-    known = (space.labels.reshape(-1) >= 0).astype(np.float32)
+    known = (atlas.sheet.nodes.reshape(-1) >= 0).astype(np.float32)
     if trust is not None:
         known *= atlas.gather(trust[..., None]).reshape(-1)
     if alpha >= 0:
