@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import Floats
+from ..elements.cut import Pieces
 from ..elements.matrices import TextureSpace
 from ..elements.surface_values import corner_values
 from ..mixture.cells import MeansAround
@@ -40,6 +41,12 @@ _TINT, _LIGHT = 0.8, 1.3
 without detail is as likely to be of light as of materials. Lights of factors 0.6 to 1.35 differ by
 0.8, colors of a palette by 1 to 2 in tint."""
 
+_OF_ITSELF = 0.5
+"""Share of these differences where a chart meets itself: it has one light for the most part."""
+
+_SAME_PLACE = 1e-3
+"""Distance, in texels, up to which corners of one point in one chart are one side."""
+
 _DARK = 0.04
 """Share of the mean value that is added before logarithms are taken."""
 
@@ -50,8 +57,9 @@ def clear_steps(
     space: TextureSpace,
     corners: Floats,
     rough: npt.NDArray[np.float32],
+    believed: npt.NDArray[np.bool_],
     same_material: bool,
-) -> Floats:
+) -> tuple[Floats, Floats]:
     """Remove, from values at seams, the steps that do not stand out from the detail beside them.
 
     A step is the sum of its average along the seam and the rest. Let s be the square of either,
@@ -66,43 +74,66 @@ def clear_steps(
         Values at the corners of the pieces, as their own chart shows them; NaN where unknown.
     rough : (rows, columns) float32
         Squared second differences at nodes, from `roughness`; NaN where unknown.
+    believed : (v,) bool
+        Corners that are interpolated from known texels only.
     same_material : bool
         Keep steps only where both sides have the same detail.
 
     Returns
     -------
-    (v, c) float64
-        Both sides of a seam have the mean of both where no step stands out.
+    corners : (v, c) float64
+        Both sides of a seam have the mean of both where no step stands out; NaN where unknown.
+    share : (v,) float64
+        How much of the largest step nearby stands out, from 0 to 1.
     """
     pieces, charts = space.cut_cells.pieces, space.atlas.charts
     ghosts = np.zeros(len(space.atlas.sheet.ghosts), dtype=np.bool_)
     errors = corner_values(space, rough[..., None], ghosts)[:, 0]
     chart = np.repeat(charts.labels[pieces.faces], np.diff(pieces.start)).astype(np.int64)
-    at = np.flatnonzero(~np.isnan(corners[:, 0]) & ~np.isnan(errors) & (chart >= 0))
+    at = np.flatnonzero(~np.isnan(corners[:, 0]) & believed & (chart >= 0))
+    errors = _with_narrow(errors, at)
     count = len(charts.boxes)
-    sides, first, index = np.unique(
-        pieces.points[at] * count + chart[at], return_index=True, return_inverse=True
-    )
+    first, index = _sides(pieces.points[at] * count + chart[at], pieces.places[at])
     shown = _means(index, corners[at])
-    point, side = np.divmod(sides, count)
+    point, side = pieces.points[at[first]], chart[at[first]]
     number, counts = np.unique(point, return_inverse=True, return_counts=True)[1:]
     seen = counts[number]
     seam = np.flatnonzero(seen > 1)
     if len(seam) == 0:
-        return corners
+        return np.where(believed[:, None], corners, np.nan), np.zeros(len(corners))
     steps = (shown - _means(number, shown)[number])[seam]
     # The squared error of the mean of k sides, whose errors are independent: their sum / k^2.
     error = _means(number, _means(index, errors[at, None]))[number][seam] / seen[seam, None]
     places = pieces.places[at[first[seam]]]
-    group = _groups(number[seam], side[seam])
+    of_itself = _of_itself(number[seam], side[seam], places)
+    group = _groups(number[seam], side[seam], of_itself)
     kept = _clear(steps, error, places, group)
     if same_material:
-        kept *= _same_material(shown[seam], (shown[seam] - 2.0 * steps), error, places, group)
+        scale = np.where(of_itself == 0, 1.0, _OF_ITSELF)
+        other = shown[seam] - 2.0 * steps
+        kept *= _same_material(shown[seam], other, error, places, group, scale)
     clear = np.zeros_like(shown)
     clear[seam] = kept - steps
-    found = corners.copy()
+    found = np.where(believed[:, None], corners, np.nan)
     found[at] += clear[index]
-    return found
+    sizes = np.zeros((2, len(shown)))
+    sizes[:, seam] = np.linalg.norm(kept, axis=1), np.linalg.norm(steps, axis=1)
+    at_corners = np.zeros((2, len(corners)))
+    at_corners[:, at] = sizes[:, index]
+    largest, of_steps = (_largest_around(pieces, each) for each in at_corners)
+    return found, np.minimum(largest / (of_steps + _NOTHING), 1.0)
+
+
+def _largest_around(pieces: Pieces, sizes: Floats) -> Floats:
+    # The largest size in each corner's piece, and in all pieces that share a point with it.
+    piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))
+    points = np.zeros(int(pieces.points.max(initial=-1)) + 1)
+    for _ in range(2):
+        np.maximum.at(points, pieces.points, sizes)
+        largest = np.zeros(len(pieces.faces))
+        np.maximum.at(largest, piece, points[pieces.points])
+        sizes = largest[piece]
+    return sizes
 
 
 def _clear(steps: Floats, error: Floats, places: Floats, group: npt.NDArray[np.intp]) -> Floats:
@@ -117,41 +148,79 @@ def _clear(steps: Floats, error: Floats, places: Floats, group: npt.NDArray[np.i
 
 
 def _same_material(
-    shown: Floats, other: Floats, error: Floats, places: Floats, group: npt.NDArray[np.intp]
+    shown: Floats,
+    other: Floats,
+    error: Floats,
+    places: Floats,
+    group: npt.NDArray[np.intp],
+    scale: Floats,
 ) -> Floats:
     # How well the detail of both sides along the seam agrees, up to an offset and a factor: from 0
     # to 1. Seams with little detail are judged by all seams; without detail, the step decides.
     both = np.column_stack([shown, other])
     near = _averaged(np.column_stack([both, error]), places, group, _NEAR)
     wide = _averaged(both, places, group, _LONG)
+    channels = shown.shape[1]
     one, two = np.split(near[:, :-1] - wide, 2, axis=1)
     independent = np.clip(np.bincount(group)[group] / _INDEPENDENT[0], 1.0, _NEAR)
     # `error` is half the squared error of a side, because the second differences it is measured by
     # contain detail that both sides may share.
     chance = near[:, -1] / independent + _FAINT**2 * both.var(axis=0).sum()
-    light = chance * _looks_like_light(*np.split(wide, 2, axis=1))
+    light = chance * _looks_like_light(wide[:, :channels], wide[:, channels:], scale)
     products = [(one * two).sum(axis=1), (one**2).sum(axis=1), (two**2).sum(axis=1)]
     energies = np.column_stack([*products, chance, light])
     common, of_one, of_two, chance, light = _averaged(energies, places, group, _LONG).T
-    all_common, all_one, all_two, all_chance, all_light = energies.mean(axis=0)
-    common, chance, light = common + all_common, chance + all_chance, light + all_light
-    total = np.sqrt(of_one * of_two) + np.sqrt(all_one * all_two)
-    own = np.maximum(total - common - chance, 0.0) + (chance - light)
-    agreeing = np.maximum(common, 0.0) + light
-    share = agreeing / (own + agreeing + _NOTHING)
+    agreeing, own = _agreeing_and_own(common, of_one, of_two, chance, light)
+    agreeing_of_all, own_of_all = _agreeing_and_own(*energies.mean(axis=0)[:, None])
+    agreeing += agreeing_of_all
+    own += own_of_all
+    share = agreeing / (agreeing + own + _NOTHING)
     return np.clip(
         (share - _AGREEMENT_RAMP[0]) / (_AGREEMENT_RAMP[1] - _AGREEMENT_RAMP[0]), 0.0, 1.0
     )[:, None]
 
 
-def _looks_like_light(one: Floats, two: Floats) -> Floats:
-    # How likely two plain sides are one color in two lights, from 0 to 1.
+def _agreeing_and_own(
+    common: Floats, one: Floats, two: Floats, chance: Floats, light: Floats
+) -> tuple[Floats, Floats]:
+    # The energy that both sides share, and that of each side's own. `chance` counts as detail that
+    # agrees as far as colors look like those of two lights.
+    own = np.maximum(np.sqrt(one * two) - common - chance, 0.0) + (chance - light)
+    return np.maximum(common, 0.0) + light, own
+
+
+def _looks_like_light(one: Floats, two: Floats, scale: Floats) -> Floats:
+    # How likely two plain sides are one color in two lights, from 0 to 1. `scale` multiplies the
+    # differences at which materials are as likely.
     dark = _DARK * np.abs(np.concatenate([one, two])).mean() + _NOTHING
     apart = np.log(np.maximum(one, 0.0) + dark) - np.log(np.maximum(two, 0.0) + dark)
     light = apart.mean(axis=1)
     tint = np.sqrt(((apart - light[:, None]) ** 2).sum(axis=1))
-    likely: Floats = 1.0 / (1.0 + (tint / _TINT) ** 4 + (light / _LIGHT) ** 4)
+    likely: Floats = 1.0 / (1.0 + (tint / scale / _TINT) ** 4 + (light / scale / _LIGHT) ** 4)
     return likely
+
+
+def _sides(
+    chart: npt.NDArray[np.int64], places: Floats
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    # The first corner of each side of a point, and the side of each corner. Where a chart meets
+    # itself, its sides lie at different places of the texture.
+    down, across = np.rint(places / _SAME_PLACE).astype(np.int64).T
+    order = np.lexsort((across, down, chart))
+    is_new = np.ones(len(order), dtype=np.bool_)
+    for key in (chart[order], down[order], across[order]):
+        is_new[1:] &= key[1:] == key[:-1]
+    is_new[1:] = ~is_new[1:]
+    index = np.empty(len(order), dtype=np.intp)
+    index[order] = np.cumsum(is_new) - 1
+    return order[is_new], index
+
+
+def _with_narrow(errors: Floats, at: npt.NDArray[np.intp]) -> Floats:
+    # Charts too narrow for second differences have the median of all others at seams.
+    known = errors[at]
+    known = known[~np.isnan(known)]
+    return np.where(np.isnan(errors), np.median(known) if len(known) else 0.0, errors)
 
 
 def _averaged(values: Floats, places: Floats, group: npt.NDArray[np.intp], size: float) -> Floats:
@@ -165,11 +234,26 @@ def _standing_out(square: Floats, explained: Floats, power: int) -> Floats:
     return share[:, None]
 
 
-def _groups(point: npt.NDArray[np.intp], side: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
+def _groups(
+    point: npt.NDArray[np.intp], side: npt.NDArray[np.int64], of_itself: Floats
+) -> npt.NDArray[np.intp]:
     # A label for each chart and the charts that it meets at a point: the same all along a seam.
     others = np.bincount(point, np.sqrt(side + 2.0))[point]
-    keys = np.column_stack([side, np.round(others, 6)])
+    keys = np.column_stack([side, np.round(others, 6), of_itself])
     found: npt.NDArray[np.intp] = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    return found
+
+
+def _of_itself(point: npt.NDArray[np.intp], side: npt.NDArray[np.int64], places: Floats) -> Floats:
+    # 1 and -1 at the sides of a seam where a chart meets itself, by the direction from one to the
+    # other; 0 elsewhere.
+    pair = np.unique(np.column_stack([point, side]), axis=0, return_inverse=True)[1].reshape(-1)
+    off = places - _means(pair, places)[pair]
+    a, b, c = (
+        np.bincount(side, each) for each in (off[:, 0] ** 2, off.prod(axis=1), off[:, 1] ** 2)
+    )
+    angle = 0.5 * np.arctan2(2.0 * b, a - c)[side]
+    found: Floats = np.sign(off[:, 0] * np.cos(angle) + off[:, 1] * np.sin(angle))
     return found
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.ghosts import extend_ghosts
 from ..atlas.gutter import unit_normals
+from ..atlas.seams import settle_seams
 from ..atlas.sheet import ROWS
 from ..base.checks import LARGEST, Floats, as_array, by_keyword, checked_image, checked_weights
 from ..base.findings import tell
@@ -33,6 +34,7 @@ from ..texture.texels import (
     check_covered,
     checked_atlas,
     gathered,
+    least_step,
     mix_texels,
     normals_of,
     values_of,
@@ -60,6 +62,7 @@ class _Source(NamedTuple):
     # One picture, and its confidence.
     values: _Single  # (rows, columns, c) at nodes and ghosts
     corners: Floats  # (v, c) at the corners of the pieces, by their own chart, with clear steps
+    shares: Floats  # (v,) how much of a step stands out there, from 0 to 1
     confidence: _Single  # (n,) at nodes
 
 
@@ -114,8 +117,9 @@ def stitch_textures(
     -------
     array like the first image
         Unknown texels are filled smoothly; parts of the surface of which nothing is known at all
-        keep the first image. Opacity is the largest of the images. The gutter around the charts is
-        filled anew, whatever the images hold there.
+        keep the first image. Values stay between black and white, or in the range of the images if
+        that is larger; not those of normal maps. Opacity is the largest of the images. The gutter
+        around the charts is filled anew, whatever the images hold there.
 
     Raises
     ------
@@ -182,6 +186,8 @@ def stitch_textures(
             ]
         with phase(0.5, 0.9, "Stitching"):
             stitched = _stitched(space, sources, labels, settings)
+            if settings.content == "values":
+                stitched = np.clip(stitched, *_bounds(sources))
         with phase(0.9, 1.0, "Filling the gutter"):
             result = values.copy()
             if alpha >= 0:
@@ -196,9 +202,25 @@ def stitch_textures(
                 run(unit_normals, len(result), result, chunk=ROWS)
             mix_texels(texture.atlas, values, 1.0, weights, result)
             keep = None if weights is None else weights == 0
+            if same_material and settings.where == "everywhere":
+                # Where a step stays, the gutter continues the chart beside it.
+                step = least_step(flat[0])
+                shown = settle_seams(texture.atlas, result, "auto", step, alpha=alpha)
+                texture = texture._replace(atlas=shown)
             # Opacity may rise.
             out = written(texture._replace(alpha=-1), result, settings, keep)
             return out.reshape(given.shape)
+
+
+def _bounds(sources: list[_Source]) -> tuple[np.float32, np.float32]:
+    # The range of all known values, and at least that from black to white.
+    least, most = np.float32(0.0), np.float32(1.0)
+    for source in sources:
+        known = source.values.reshape(-1, source.values.shape[2])
+        known = known[source.confidence[: len(known)] > 0]
+        least = min(least, known.min(initial=least))
+        most = max(most, known.max(initial=most))
+    return least, most
 
 
 def _unknown_parts(space: TextureSpace, sources: list[_Source]) -> npt.NDArray[np.bool_]:
@@ -298,8 +320,8 @@ def _target_of(
     atlas, pieces = space.atlas, space.cut_cells.pieces
     nodes = atlas.sheet.nodes.size
     count = sources[0].values.shape[2]
-    flat = pieces.cells < 0
-    total = CellWeights(np.zeros_like(space.alike.cells), np.zeros(len(flat)))
+    silent = _silent_pieces(space)
+    total = CellWeights(np.zeros_like(space.alike.cells), np.zeros(len(silent)))
     believed = np.zeros((*atlas.sheet.nodes.shape, 1), dtype=np.float32)
     mean = np.zeros((*atlas.sheet.nodes.shape, count), dtype=np.float32)
     mean_corners = np.zeros((len(pieces.points), count))
@@ -320,7 +342,7 @@ def _target_of(
     for source, weights in zip(sources, least, strict=True):
         shares = CellWeights(_divided(weights.cells, total.cells).astype(np.float32),
                              _divided(weights.pieces, total.pieces))  # fmt: skip
-        corners = np.nan_to_num(source.corners)
+        corners = np.nan_to_num(_with_surface(space, source))
         mean_corners += np.repeat(shares.pieces, np.diff(pieces.start))[:, None] * corners
         values = np.zeros((space.size, count), dtype=np.float32)
         values[:nodes] = source.values.reshape(nodes, count)
@@ -328,13 +350,53 @@ def _target_of(
     unknown = np.repeat(total.pieces == 0, np.diff(pieces.start))
     mean_corners[unknown] = np.nan
     values = surface_values(space, mean, mean_corners)
-    # Faces without area in the texture show nothing of their own.
-    own = CellWeights(np.zeros_like(total.cells), flat.astype(np.float64))
+    # They show nothing of their own, so the differences across them stay.
+    own = CellWeights(np.zeros_like(total.cells), silent.astype(np.float64))
     wanted += space.apply_stiffness(values, own) - space.apply_stiffness(values)
-    total.pieces[flat] = 1.0
+    total.pieces[silent] = 1.0
     known = np.ones(space.size, dtype=np.bool_)
     known[:nodes] = believed.reshape(-1) > 0
     return _Target(values, wanted, total, known)
+
+
+def _with_surface(space: TextureSpace, source: _Source) -> Floats:
+    # Some points at seams are no unknowns but lie between others, so the surface differs a little
+    # from the mean of their sides. Where no step stands out, the corners get these differences, so
+    # that nothing changes there.
+    points = space.cut_cells.pieces.points
+    known = ~np.isnan(source.corners[:, 0])
+    counts = np.maximum(np.bincount(points[known], minlength=len(space.cut_cells.kinds)), 1)
+    sums = [np.bincount(points[known], column[known], len(counts)) for column in source.corners.T]
+    means = np.stack(sums, axis=1) / counts[:, None]
+    surface = space.at_corners(surface_values(space, source.values, source.corners))
+    corners: Floats = source.corners + (1.0 - source.shares[:, None]) * (surface - means[points])
+    return corners
+
+
+def _at_all_points(space: TextureSpace, known: _Single) -> _Single:
+    # The confidence of nodes, continued to the points along seams: pieces without a node need it.
+    sheet = space.atlas.sheet
+    values = known.reshape(*sheet.nodes.shape, 1).copy()
+    ghosts = extend_ghosts(sheet, space.atlas.charts.labels, values, sheet.nodes >= 0)
+    corners = np.clip(corner_values(space, values, ghosts), 0.0, 1.0)
+    found: _Single = surface_values(space, values, corners)[:, 0]
+    found[: len(known)] = known
+    return found
+
+
+def _silent_pieces(space: TextureSpace) -> npt.NDArray[np.bool_]:
+    # Pieces of faces without area in the texture, or too far from all texels of their chart.
+    pieces, sheet = space.cut_cells.pieces, space.atlas.sheet
+    values = np.zeros((*sheet.nodes.shape, 1), dtype=np.float32)
+    ghosts = extend_ghosts(sheet, space.atlas.charts.labels, values, sheet.nodes >= 0)
+    silent = pieces.cells < 0
+    silent[_pieces_of(space, np.isnan(corner_values(space, values, ghosts)[:, 0]))] = True
+    return silent
+
+
+def _pieces_of(space: TextureSpace, corners: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    start = space.cut_cells.pieces.start
+    return np.repeat(np.arange(len(start) - 1), np.diff(start))[corners]
 
 
 def _source(
@@ -348,30 +410,29 @@ def _source(
     # `opacity` becomes the largest of all sources.
     atlas, alpha = space.atlas, texture.alpha
     values = values_of(atlas, picture, alpha, texture.frames)
-    confidence = np.zeros(space.size, dtype=np.float32)
-    known = (space.labels.reshape(-1) >= 0).astype(np.float32)
+    known = (atlas.sheet.nodes.reshape(-1) >= 0).astype(np.float32)
     if trust is not None:
         known *= atlas.gather(trust[..., None]).reshape(-1)
     if alpha >= 0:
         known *= values[..., alpha].reshape(-1)
         np.maximum(opacity, values[..., alpha], out=opacity)
         values = np.ascontiguousarray(np.delete(values, alpha, axis=2))
-    confidence[: len(known)] = known
+    confidence = _at_all_points(space, known)
     believed = (atlas.sheet.nodes >= 0) & (known.reshape(atlas.sheet.nodes.shape) > 0)
     ghosts = extend_ghosts(atlas.sheet, atlas.charts.labels, values, believed)
     rough = roughness_of_values(atlas, values, believed, across=False)
     rough[(atlas.sheet.nodes >= 0) & ~believed] = np.nan
-    corners = clear_steps(space, corner_values(space, values, ghosts), rough, same_material)
-    return _Source(values, corners, confidence)
+    missing = np.where((atlas.sheet.nodes >= 0) & ~believed, np.float32(np.nan), np.float32(0.0))
+    whole = ~np.isnan(corner_values(space, missing[..., None], ghosts)[:, 0])
+    corners = corner_values(space, values, ghosts)
+    corners, shares = clear_steps(space, corners, rough, whole, same_material)
+    return _Source(values, corners, shares, confidence)
 
 
 def _least_known(space: TextureSpace, source: _Source, labels: npt.ArrayLike | None) -> CellWeights:
     # The confidence of each cell and piece: 0 if one of its nodes, or corners, is unknown.
-    pieces = space.cut_cells.pieces
     least = space.least(source.confidence)
-    missing = np.isnan(source.corners[:, 0])
-    of_piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))
-    least.pieces[of_piece[missing]] = 0.0
+    least.pieces[_pieces_of(space, np.isnan(source.corners[:, 0]))] = 0.0
     if labels is not None:
         areas = np.zeros(space.size, dtype=np.float32)
         ranks = np.unique(labels, return_inverse=True)[1].reshape(np.shape(labels))

@@ -257,6 +257,9 @@ def test_missing_images_and_other_formats_are_refused(tmp_path, capsys):
     source = write_obj(tmp_path, blocks, picture(blocks), "gone.png")
     assert repair(source, tmp_path / "out.obj") == 1
     assert "gone.png is not beside the model" in capsys.readouterr().err
+    (tmp_path / "m.mtl").unlink()
+    assert repair(source, tmp_path / "out.obj") == 1
+    assert "the material file m.mtl is not beside the model.\n" in capsys.readouterr().err
     assert repair(source, tmp_path / "out.glb") == 1
     assert "models keep their format" in capsys.readouterr().err
     assert not list(tmp_path.glob("out*"))

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from atlases import Blocks, sample
+from scipy.ndimage import binary_dilation, distance_transform_edt
 from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
@@ -560,6 +561,95 @@ def test_how_far_sides_agree_grows_without_jumps():
     assert moved[-1] < 0.1
     assert (np.diff(moved) < 0.02).all()
     assert np.diff(moved).min() > -0.5
+
+
+YELLOW, WHITE = (1.0, 0.85, 0.0), (1.0, 1.0, 1.0)
+
+
+def of_strip(width, size=48):
+    """A yellow and a white square with a strip between them, a chart of few or no texels."""
+    vertices, faces = grid(3, 1)
+    column = vertices[:, 0].astype(int)
+    surface = np.array([0.0, 20.0, 21.0, 41.0])[column]
+    mesh = core.TriangleMesh(
+        np.stack([surface, 20.0 * vertices[:, 1], 0.0 * surface], axis=-1), faces
+    )
+    of_face = column[faces].min(axis=1)  # 0: yellow, 1: the strip, 2: white
+    left = np.array([2.3, 23.6, 25.3])[of_face][:, None]
+    wide = np.array([20.0, width, 20.0])[of_face][:, None]
+    uv = np.stack(
+        [left + wide * (column[faces] - of_face[:, None]), 3.2 + 20.0 * vertices[faces][..., 1]],
+        axis=-1,
+    )
+    image = np.empty((size, size, 3), np.float32)
+    image[:, :25], image[:, 25:] = YELLOW, WHITE
+    return mesh, uv / size, image
+
+
+@pytest.mark.parametrize("even_out", ["auto", "brightness", "difference"])
+@pytest.mark.parametrize("width", [0.3, 0.7, 1.5])
+def test_colors_stay_beside_charts_of_no_or_few_texels(width, even_out):
+    # In such charts there is no detail to compare, and some pieces are near no texel at all.
+    mesh, uv, image = of_strip(width)
+    inside = core.TextureAtlas(mesh, uv, size=image.shape[:2]).inside
+    settings = core.StitchSettings(even_out=even_out)
+    found = core.stitch_textures(mesh, uv, image, settings)
+    assert np.abs(found - image)[inside].max() < 1e-5
+
+
+def of_tube(colors, around=12, size=64):
+    """A tube with one chart, which meets itself where its first and last colors do."""
+    flat, faces = grid(around, 2)
+    angle = 2 * np.pi * flat[:, 0] / around
+    places = 10.0 * np.stack([np.cos(angle), np.sin(angle), flat[:, 1]], axis=-1)
+    kept, index = core.weld(np.round(places, 9))
+    mesh = core.TriangleMesh(places[kept], index[faces])
+    uv = flat[faces][..., :2] / [around, 2] * 0.8 + 0.1
+    across = ((np.arange(size) + 0.5) / size - 0.1) / 0.8
+    rows = [
+        np.interp(across, np.linspace(0, 1, len(colors)), each) for each in np.transpose(colors)
+    ]
+    return mesh, uv, np.tile(np.transpose(rows), (size, 1, 1)).astype(np.float32)
+
+
+def test_a_chart_that_meets_itself_in_another_color_stays():
+    red, blue = (0.7, 0.15, 0.1), (0.15, 0.3, 0.7)
+    changes = []
+    for colors in ([red, blue], [red, tuple(1.15 * c for c in red)]):
+        mesh, uv, image = of_tube(colors)
+        inside = core.TextureAtlas(mesh, uv, size=image.shape[:2]).inside
+        changes.append(np.abs(core.stitch_textures(mesh, uv, image) - image)[inside].max())
+    assert changes[0] < 0.01 < 0.03 < changes[1]
+
+
+@pytest.mark.parametrize("even_out", ["brightness", "difference"])
+def test_values_stay_between_black_and_white_or_in_the_range_of_the_images(even_out):
+    blocks, mesh, image = of_square(64)
+    chart = inside_of(mesh, blocks).masks().chart
+    light = np.random.default_rng(4).uniform(0.5, 1.0, chart.max() + 1)
+    spots = np.random.default_rng(5).random(image.shape[:2] + (1,))
+    image = np.where(spots < 0.1, 0.0, np.where(spots > 0.9, 1.0, light[chart][..., None] * image))
+    settings = core.StitchSettings(radius=1e3, even_out=even_out, seams="continue")
+    for scale in (1.0, 4.0):
+        given = (scale * image).astype(np.float32)
+        found = core.stitch_textures(mesh, blocks.uv, given, settings)
+        assert found.min() >= 0
+        assert found.max() <= scale
+        assert np.abs(found - given).max() > 0.05 * scale
+
+
+def test_where_a_step_stays_the_gutter_continues_the_chart_beside_it():
+    mesh, uv, image, atlas = of_colors([[0.7, 0.15, 0.1], [0.15, 0.3, 0.7], [0.85, 0.75, 0.2]])
+    found = core.stitch_textures(mesh, uv, image, core.StitchSettings(gutter=3))
+    near = binary_dilation(atlas.inside, iterations=2) & ~atlas.inside
+    colors = found[near]
+    beside = (
+        np.abs(colors[:, None] - np.unique(image[atlas.inside], axis=0)).max(axis=2).min(axis=1)
+    )
+    nearest = distance_transform_edt(~atlas.inside, return_indices=True, return_distances=False)
+    own = image[tuple(nearest[:, near])]
+    assert beside.max() < 0.02
+    assert (np.abs(colors - own).max(axis=1) < 0.02).mean() > 0.95
 
 
 def unwrapped(vertices, faces):

@@ -195,7 +195,12 @@ class ObjFile(TexturedDocument):
         uv, materials = self.read_uvs()
         known = ~np.isnan(uv).any(axis=(1, 2))
         of_material: dict[str, dict[str, MapImage]] = {}
-        notes: list[str] = []
+        folder = self.path.parent
+        notes = [
+            f"the material file {name} is not beside the model"
+            for name in material_files(folder, self.lines)
+            if find(folder, name) is None
+        ]
         cut_out: set[str] = set()
         moved: set[str] = set()
         for line, material in self._material_lines():
@@ -203,7 +208,7 @@ class ObjFile(TexturedDocument):
             part = _PARTS.get(line.split(None, 1)[0].lower()) if name else None
             if part is None:
                 continue
-            found = find(self.path.parent, name)
+            found = find(folder, name)
             if found is None:
                 notes.append(f"{part} of {material}: the file {name} is not beside the model")
                 continue
