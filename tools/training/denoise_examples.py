@@ -32,6 +32,7 @@ from distances import (
 )
 from distances import box as box_at
 from even_meshes import even, halved, heights, wavy
+from exports import exported
 from meshings import EXTENT, marching_cubes, mean_edge, surface_nets, umbrella
 from shock_filter import core
 
@@ -54,14 +55,17 @@ UNTOUCHED, UNTOUCHED_FIGURES = 0.5, 0.65
 CAGES, UNTOUCHED_CAGES = {"modelled": 0.3, "decimated": 0.35, "subdivided": 0.35}, 0.6
 """Shares of the kinds among `cage`s; and the share of `cage` and `divided` without noise."""
 
+UNTOUCHED_EXPORTS = 0.9
+"""Share of `export`s without noise."""
+
 FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
 """Shares of the kinds among `figure`s; see `crease_examples`."""
 
 DISPLACED = {"clean": 0.6, "white": 0.25, "wide": 0.15}
 """Shares among `displaced` meshes: without noise, with white noise, and with correlated noise."""
 
-STEEP_FIRST = 1_000_000
-"""First seed of `steep`; those of the other makers begin at 0."""
+STEEP_FIRST, SHORT_FIRST = 1_000_000, 2_000_000
+"""First seeds of `steep` and `short`; those of the other makers begin at 0."""
 
 
 class Example(NamedTuple):
@@ -182,6 +186,17 @@ def displaced(seed: int, *relief) -> Example:
 def steep(seed: int) -> Example:
     """Make an even mesh with relief steeper than 30 degrees; most have no noise."""
     return displaced(STEEP_FIRST + seed, 5, 40, 7, (0.6, 3), 8)
+
+
+def short(seed: int) -> Example:
+    """Make an even mesh with relief of 3.5 to 8 edges a wave; most have no noise."""
+    return displaced(SHORT_FIRST + seed, 3.5, 8, 7)
+
+
+def export(seed: int) -> Example:
+    """Make a mesh with small details on large faces, like an export; most have no noise."""
+    rng = np.random.default_rng(seed)
+    return _low_noisy(rng, *exported(rng), "export", UNTOUCHED_EXPORTS, 0.01)
 
 
 def drawn(seed: int) -> Example:
@@ -352,7 +367,9 @@ def _low_noisy(rng, v, f, how, untouched=UNTOUCHED, least=0.05):
     if rng.random() < untouched:
         return Example(mesh, mesh.normals, how)
     lengths = norm(v[f] - v[f[:, [1, 2, 0]]], 2)
-    if how in ("modelled", "drawn") or rng.random() < 0.3:  # noise relative to the shortest edge
+    if (
+        how in ("modelled", "drawn", "export") or rng.random() < 0.3
+    ):  # noise relative to the shortest edge
         local = np.full(len(v), np.inf)
         for k in range(3):
             np.minimum.at(local, f[:, k], lengths.min(1))
