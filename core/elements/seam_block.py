@@ -15,10 +15,15 @@ from ..linear.multigrid import Multigrid
 from ..mesh.triangle_mesh import Ints
 from ..sparse.factors import Factors, factored
 from ..sparse.matrix import Sparse, added, diagonal_matrix, from_triples
+from ..sparse.ordering import TooDense
 from .sheet_matrix import BlockRows, Singles, require_positive
 
-MOST = 1 << 19
-"""Most unknowns of a block that is factored."""
+MOST = 1 << 25
+"""Most entries of the factor, of 12 bytes each.
+
+Their number, not that of unknowns, is what factoring costs: strips along the seams of large charts
+have a few entries for each unknown, blocks that fill the sheet dozens.
+"""
 
 _CHUNK = 1 << 15
 
@@ -29,9 +34,9 @@ _LIFT = 1e-12
 class SeamBlock:
     """The matrix of the block, factored as ``L D L^T``.
 
-    A block of more than `MOST` unknowns, of an atlas that is all seams, is not factored: a V-cycle
-    of algebraic multigrid approximates its inverse. The preconditioner is still symmetric and
-    positive definite, but needs more iterations.
+    A block whose factor would hold more than `MOST` entries is not factored: a V-cycle of algebraic
+    multigrid approximates its inverse. The preconditioner is still symmetric and positive definite,
+    but needs more iterations, and far more where texels are stretched.
 
     Parameters
     ----------
@@ -50,17 +55,18 @@ class SeamBlock:
         self._place = np.arange(len(rows.unknowns), dtype=np.int32)
         self._factors: Factors | None = None
         self._hierarchy: Multigrid | None = None
-        if len(rows.unknowns) > MOST:
+        if not len(rows.unknowns):
+            return
+        inner = _inner(rows, number)
+        try:
+            self._factors, self._place = _factored(inner, rows.diagonal)
+        except TooDense:
             self._inverse_root = 1.0 / np.sqrt(rows.diagonal)
             matrix = _inner(rows, number, self._inverse_root)
             csr = matrix.start, matrix.columns.view(np.uint32), matrix.values
             self._hierarchy = Multigrid(csr, self._inverse_root)
-        elif len(rows.unknowns):
-            inner = _inner(rows, number)
-            try:
-                self._factors, self._place = _factored(inner, rows.diagonal)
-            except SolverError:  # rounding, at charts far smaller than a texel
-                self._factors, self._place = _factored(inner, (1.0 + _LIFT) * rows.diagonal)
+        except SolverError:  # rounding, at charts far smaller than a texel
+            self._factors, self._place = _factored(inner, (1.0 + _LIFT) * rows.diagonal)
 
     def solve(self, b: Singles, x: Singles) -> None:
         """Solve for the block's unknowns in `x` while all others are fixed: (c, n)."""
@@ -78,7 +84,7 @@ class SeamBlock:
 
 
 def _factored(inner: Sparse, diagonal: Floats) -> tuple[Factors, Ints]:
-    factors, place = factored(added(inner, diagonal_matrix(diagonal)))
+    factors, place = factored(added(inner, diagonal_matrix(diagonal)), MOST)
     require_positive(factors.diagonal)
     return factors, place
 

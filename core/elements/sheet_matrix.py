@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..atlas.sheet import ROWS
+from ..atlas.sheet import NOTHING, ROWS
 from ..base.parallel import kernel, run
 from ..errors import SolverError
 from ..mesh.triangle_mesh import Floats, Ints
@@ -171,6 +171,46 @@ def runs_of(kinds: npt.NDArray[np.uint8]) -> Runs:
     return runs
 
 
+def without_held(matrix: SheetMatrix, held: npt.NDArray[np.bool_]) -> SheetMatrix:
+    """Take nodes that are held at 0 out of a matrix.
+
+    Parameters
+    ----------
+    matrix : SheetMatrix
+    held : (rows, columns) bool
+        The nodes; what it says of nodes that are no unknowns does not count.
+
+    Returns
+    -------
+    SheetMatrix
+        The rows and columns of all other unknowns. Couplings to held nodes become screening, which
+        leaves the diagonal as it is, up to rounding.
+    """
+    held = held & (matrix.labels >= 0)
+    stencil, screen = matrix.stencil.copy(), matrix.screen.copy()
+    run(_take_out, len(held), held, matrix.stencil, stencil, screen, chunk=ROWS)
+    flat = np.zeros(len(screen), dtype=np.bool_)
+    flat[: held.size] = held.reshape(-1)
+    out = flat[matrix.seam]
+    of = np.repeat(np.arange(len(out), dtype=np.int32), np.diff(matrix.start))
+    lost = out[matrix.columns_] & ~out[of]
+    fixed = np.bincount(of[lost], matrix.values[lost], len(out))
+    screen[matrix.seam] -= fixed.astype(screen.dtype)
+    kept = ~(out[matrix.columns_] | out[of])
+    number = np.cumsum(~out, dtype=np.int32) - 1
+    start = np.zeros(int(np.count_nonzero(~out)) + 1, dtype=np.int32)
+    np.cumsum(np.bincount(number[of[kept]], minlength=len(start) - 1), out=start[1:])
+    return SheetMatrix(
+        stencil,
+        np.where(held, NOTHING, matrix.labels),
+        screen,
+        matrix.seam[~out],
+        start,
+        number[matrix.columns_[kept]],
+        matrix.values[kept],
+    )
+
+
 def require_positive(values: npt.NDArray) -> None:
     """Raise `SolverError` unless all values, entries of a diagonal, are above 0."""
     if not (np.isfinite(values) & (values > 0)).all():
@@ -243,6 +283,27 @@ def _beside(stencil, y, x, k):
     if k < 5:
         return y + 1, x + k - 3, stencil[k - 1, y, x]
     return y - 1, x + 6 - k, stencil[k - 4, y - 1, x + 6 - k]
+
+
+@kernel
+def _take_out(start, stop, held, given, stencil, screen):
+    rows, columns = held.shape
+    for y in range(max(start, 1), min(stop, rows - 1)):
+        for x in range(1, columns - 1):
+            i = y * columns + x
+            if held[y, x]:
+                stencil[:, y, x] = 0
+                screen[i] = 0
+                continue
+            for k in range(8):
+                v, u, value = _beside(given, y, x, k)
+                if value == 0 or not held[v, u]:
+                    continue
+                screen[i] -= value
+                if k == 0:
+                    stencil[0, y, x] = 0
+                elif 2 <= k < 5:
+                    stencil[k - 1, y, x] = 0
 
 
 @kernel

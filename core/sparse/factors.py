@@ -34,8 +34,13 @@ class Factors(NamedTuple):
     diagonal: Floats
 
 
-def factored(matrix: Sparse) -> tuple[Factors, Ints]:
+def factored(matrix: Sparse, most: float = np.inf) -> tuple[Factors, Ints]:
     """Factor a symmetric matrix; returns also the place of each unknown in the factors.
+
+    Raises
+    ------
+    TooDense
+        If L would hold more than `most` entries, which is known before it is computed.
 
     Notes
     -----
@@ -53,7 +58,7 @@ def factored(matrix: Sparse) -> tuple[Factors, Ints]:
     ([0.5], [2.0, 1.5])
     """
     count = matrix.shape[0]
-    order, parents, counts = minimum_degree(matrix)
+    order, parents, counts = minimum_degree(matrix, most)
     place = np.empty(count, dtype=np.int32)
     place[order] = np.arange(count, dtype=np.int32)
     start = running_totals(np.concatenate([[0], counts]))

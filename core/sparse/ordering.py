@@ -17,10 +17,15 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import ask
+from ..errors import SolverError
 from .matrix import Ints, Sparse, absolute, added, couplings_of, transposed
 
 _AT_ONCE = 1 << 10
 """Number of unknowns that are eliminated between two checks for cancelling."""
+
+
+class TooDense(SolverError):
+    """The factor of a matrix would hold too many entries."""
 
 
 class Ordering(NamedTuple):
@@ -42,8 +47,13 @@ class Ordering(NamedTuple):
     counts: Ints
 
 
-def minimum_degree(matrix: Sparse) -> Ordering:
+def minimum_degree(matrix: Sparse, most: float = np.inf) -> Ordering:
     """Order the unknowns of a symmetric matrix; entries of 0 do not count.
+
+    Raises
+    ------
+    TooDense
+        If the factor would hold more than `most` entries below the diagonal.
 
     Examples
     --------
@@ -67,6 +77,8 @@ def minimum_degree(matrix: Sparse) -> Ordering:
         before, done = done, _eliminate(done, min(done + _AT_ONCE, count), graph, order, listed)
         if done == before:
             listed = np.concatenate([listed, np.empty(len(listed) + count, np.int32)])
+        if graph.state[0] > most:
+            raise TooDense(f"The factor has more than {most:g} entries; raise the limit.")
         ask(done / count)
     places = np.empty(count, dtype=np.int32)
     places[order] = np.arange(count, dtype=np.int32)

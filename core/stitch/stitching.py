@@ -21,6 +21,7 @@ from ..base.parallel import run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..elements.matrices import CellWeights, TextureSpace
 from ..elements.multigrid import SheetSolver
+from ..elements.sheet_matrix import without_held
 from ..elements.surface_values import corner_values, sheet_values, surface_values
 from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
@@ -459,7 +460,11 @@ def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _
         held.cells[target.confidence.cells > 0] = np.float32(_HELD / screen)
     matrix = space.weighted(held, only_mass=True).matrix(screen)
     change = np.zeros_like(target.values)
-    SheetSolver(matrix).solve(target.unbalance, change, _TOLERANCE, message="Stitching")
+    left = matrix
+    if settings.where == "seams" and not _some_unknown(space, target):
+        # Only the seams are left. Beside unknown texels coarse levels need the held ones.
+        left = without_held(matrix, _held_nodes(space, target))
+    SheetSolver(left).solve(target.unbalance, change, _TOLERANCE, message="Stitching")
     # The exact change has a mean of 0. An error of the mean hardly shows in the residual.
     space.without_means(change, matrix.screen, change)
     if settings.where == "seams":
@@ -467,6 +472,22 @@ def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _
         free[space.cut_cells.unknowns] = True
         change[~free] = 0.0
     return change
+
+
+def _held_nodes(space: TextureSpace, target: _Target) -> npt.NDArray[np.bool_]:
+    # (rows, columns): the corners of uncut cells in which all is known.
+    cells = (target.confidence.cells > 0) & (space.cells[..., 3] > 0)
+    nodes = cells.copy()
+    nodes[1:] |= cells[:-1]
+    nodes[:, 1:] |= cells[:, :-1]
+    nodes[1:, 1:] |= cells[:-1, :-1]
+    return nodes
+
+
+def _some_unknown(space: TextureSpace, target: _Target) -> bool:
+    # Whether something is unknown in uncut cells.
+    unknown = (target.confidence.cells == 0) & (space.cells[..., 3] > 0)
+    return bool(unknown.any())
 
 
 def _checked_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> list[npt.NDArray]:

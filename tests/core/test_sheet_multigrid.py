@@ -11,7 +11,7 @@ from shock_filter.core.base.progress import reporting
 from shock_filter.core.elements import multigrid, seam_block
 from shock_filter.core.elements.coarsening import coarsened
 from shock_filter.core.elements.multigrid import SheetSolver
-from shock_filter.core.elements.sheet_matrix import SheetMatrix, block_rows, kinds_of
+from shock_filter.core.elements.sheet_matrix import SheetMatrix, block_rows, kinds_of, without_held
 from shock_filter.core.errors import Cancelled
 
 CORNERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
@@ -266,6 +266,26 @@ def test_charts_of_any_shape_are_solved_for(small, name, points):
     expected = directly(matrix, rhs)
     assert abs(x - expected).max() <= 1e-4 * abs(expected).max()
     assert report.iterations <= 20
+
+
+@pytest.mark.parametrize("name", ["two charts", "small charts", "two nodes wide"])
+@pytest.mark.parametrize("share", [0.1, 0.9, 1.0])
+def test_nodes_that_are_held_are_taken_out(small, name, share):
+    matrix = sheet({**ODD, "two charts": two_charts()}[name])
+    held = np.random.default_rng(3).random(matrix.labels.shape) < share
+    smaller = without_held(matrix, held)
+    whole, unknowns = assembled(matrix)
+    left = unknowns.copy()
+    left[: held.size] &= ~held.reshape(-1)
+    rest, its = assembled(smaller)
+    np.testing.assert_array_equal(its, left)
+    error = abs(rest - whole)[left][:, left]
+    assert error.max() <= 1e-5 * whole.diagonal().max()
+    rhs = random_values(matrix)
+    x, _ = solved(smaller, rhs)
+    expected = scipy.sparse.linalg.spsolve(whole[left][:, left].tocsc(), rhs[left].astype(float))
+    assert abs(x[left] - expected).max() <= 1e-4 * abs(expected).max()
+    assert (x[~left] == 0).all()
 
 
 def test_a_block_too_large_to_factor_is_solved_for(small, monkeypatch):

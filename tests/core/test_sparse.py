@@ -16,7 +16,7 @@ from shock_filter.core.mesh.nearest import nearest_point, point_tree, points_wit
 from shock_filter.core.sparse import matrix as own
 from shock_filter.core.sparse.components import connected_components
 from shock_filter.core.sparse.factors import factored
-from shock_filter.core.sparse.ordering import minimum_degree
+from shock_filter.core.sparse.ordering import TooDense, minimum_degree
 
 
 @pytest.mark.parametrize(
@@ -299,6 +299,14 @@ def test_factors_are_about_as_sparse_as_those_of_scipy(name):
     factors = scipy.sparse.linalg.splu(theirs, "MMD_AT_PLUS_A", 0.0, options=options)
     most = 1.1 * (factors.L.nnz - matrix.shape[0])
     assert minimum_degree(matrix).counts.sum() <= most
+
+
+def test_a_factor_of_too_many_entries_is_refused_before_it_is_computed():
+    matrix, _ = laplacian(*graphs()["random"])
+    entries = int(minimum_degree(matrix).counts.sum())
+    assert len(factored(matrix, entries)[0].values) == entries
+    with pytest.raises(TooDense, match="more than"):
+        factored(matrix, entries - 1)
 
 
 def test_subtrees_follow_one_another():

@@ -8,7 +8,8 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
-from shock_filter.core.stitch import light
+from shock_filter.core.elements.multigrid import SheetSolver
+from shock_filter.core.stitch import light, stitching
 
 
 def picture(n, channels=3):
@@ -212,6 +213,31 @@ def test_at_seams_alone_the_rest_stays():
     assert jumps[1] < 0.1 * jumps[0]
     middle = np.stack(np.meshgrid([8.0, 24.0, 40.0, 56.0], [8.0, 24.0, 40.0, 56.0]), axis=-1)
     assert np.abs(blocks.read(result - broken, middle.reshape(-1, 2))).max() < 1e-6
+
+
+def test_many_stretched_charts_are_stitched_in_few_iterations(monkeypatch):
+    # Each square of a grid is a chart.
+    count, size = 16, 96
+    vertices, faces = grid(count, count)
+    places = vertices[faces][..., :2]
+    squares = np.floor(places.mean(axis=1, keepdims=True)) + 0.5
+    uv = (squares + 0.7 * (places - squares)) / count
+    mesh = core.TriangleMesh(vertices * [30.0, 1.0, 1.0], faces)
+    shades = np.random.default_rng(0).uniform(0.3, 0.7, (count, count))
+    image = np.kron(shades, np.ones((size // count, size // count))).astype(np.float32)
+    found = []
+
+    class Solver(SheetSolver):
+        def solve(self, *values, **words):
+            report = super().solve(*values, **words)
+            found.append((report.iterations, self._levels[0]))
+
+    monkeypatch.setattr(stitching, "SheetSolver", Solver)
+    settings = core.StitchSettings(where="seams", seams="continue", even_out="difference")
+    core.stitch_textures(mesh, uv, image, settings)
+    iterations, level = found[0]
+    assert 0 < iterations <= 6  # without factors about ten times as many
+    assert len(level.block._factors.values) <= 40 * len(level.rows.unknowns)
 
 
 @pytest.mark.parametrize("angle", [None, 0.4])
