@@ -6,6 +6,7 @@ from functools import partial
 import adam
 import crease_examples
 import denoise_examples
+import exports
 import image_examples
 import image_spoiling
 import made
@@ -19,6 +20,7 @@ import train_images
 import train_meshes
 from distances import box, truths
 from meshings import EXTENT, sampled, surface_nets
+from shock_filter import core
 from shock_filter.core.color import vertices_learned
 from shock_filter.core.color.learned import enlarging, recipe
 from shock_filter.core.mixture.network import load
@@ -213,8 +215,10 @@ def test_slopes_of_shares_are_those_of_the_loss():
 
 
 @pytest.mark.parametrize(
-    "kind", [*denoise_examples.KINDS, "figure", "drawn", "cage", "divided", "rough"]
-)
+    "kind",
+    [*denoise_examples.KINDS, "figure", "displaced", "drawn", "cage", "divided", "rough", "steep",
+     "short", "export"],
+)  # fmt: skip
 def test_examples_of_noise_come_from_their_seed(kind):
     def make(seed):
         if kind in denoise_examples.KINDS:
@@ -227,6 +231,21 @@ def test_examples_of_noise_come_from_their_seed(kind):
     lengths = np.linalg.norm(one.truth, axis=1)[one.mesh.areas > 0]
     assert lengths == pytest.approx(np.ones(len(lengths)), abs=1e-6)
     assert not np.array_equal(make(6).mesh.vertices[:9], one.mesh.vertices[:9])
+
+
+@pytest.mark.parametrize("kind, borders", [("raised", 4), ("coiled", 0), ("toothed", 0)])
+def test_exports_are_closed_but_for_the_outline_of_plates(kind, borders, monkeypatch):
+    monkeypatch.setattr(exports, "SHARES", {kind: 1.0})
+    mesh = core.TriangleMesh(*exports.exported(np.random.default_rng(2)))
+    assert mesh.face_count > 50 and (mesh.areas > 0).all()
+    assert np.count_nonzero(mesh.twins < 0) == borders
+
+
+def test_fine_relief_with_noise_is_left_out(tmp_path):
+    kinds = [denoise_examples.short(seed).kind for seed in range(6)]
+    found = [train_denoising.made(("short", seed), tmp_path) for seed in range(6)]
+    assert {"displaced", "noisy displaced"} <= set(kinds)
+    assert [path is None for path in found] == [kind == "noisy displaced" for kind in kinds]
 
 
 def test_a_tiny_network_learns_to_come_nearer_on_solids_it_has_not_seen(tmp_path, monkeypatch):
