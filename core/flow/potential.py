@@ -11,7 +11,7 @@ from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..base.vectors import dot, edge
-from ..mesh.calculus import average_to_vertices, gradient, smooth_vertices
+from ..mesh.calculus import average_to_vertices, gradient, mean_normals, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..settings import ShockSettings, given_or_default
 
@@ -111,7 +111,7 @@ def bending(mesh: TriangleMesh, passes: int) -> tuple[Floats, Floats]:
 
     def compute() -> tuple[Floats, Floats]:
         with phase(0.0, 0.2, "Computing the flow"):
-            signal = average_to_vertices(mesh, mesh.normals)
+            signal = mean_normals(mesh)
         with phase(0.2, 1.0, "Computing the flow"):
             return signal, flow_potential(mesh, signal, passes)
 
@@ -162,8 +162,8 @@ def opening(mesh: TriangleMesh, values: Floats, rings: int) -> Floats:
     return dilation(mesh, -dilation(mesh, -values, rings), rings)
 
 
-def dilation(mesh: TriangleMesh, values: npt.NDArray, rings: int) -> npt.NDArray:
-    """Maximum within a number of rings around each vertex, of any number type: (n,) -> (n,)."""
+def dilation(mesh: TriangleMesh, values: Floats, rings: int) -> Floats:
+    """Maximum within a number of rings around each vertex: (n,) -> (n,)."""
     message = "Finding features"
     with aside(message):
         start, ring = mesh.neighbours

@@ -13,7 +13,7 @@ from ..base.checks import Floats
 from ..base.findings import Length, tell
 from ..base.parallel import kernel, run
 from ..base.progress import ask
-from ..mesh.calculus import average_to_vertices, unit_vectors
+from ..mesh.calculus import mean_normals, unit_vectors
 from ..mesh.triangle_mesh import TriangleMesh
 from ..rays.boxes import STACK, first_hit
 from .tracing import Scene, Sites, read_corners, scaled_to, shading_normals
@@ -77,7 +77,7 @@ def project(
         Distance of the search above and below, in units of the mesh; 0 takes 5 percent of the size.
     """
     low = atlas.mesh
-    smooth = unit_vectors(average_to_vertices(low, low.normals))
+    smooth = unit_vectors(mean_normals(low))
     along = read_corners(atlas, sites.numbers, smooth[low.faces])
     along = unit_vectors(along.astype(np.float64)).astype(np.float32)
     box = low.box

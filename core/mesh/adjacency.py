@@ -100,6 +100,24 @@ def faces_around(corners: tuple[Ints, Ints], vertices: npt.NDArray[Any]) -> npt.
     return distinct(found, len(order) // 3)
 
 
+def within_rings(
+    neighbours: tuple[Ints, Ints], chosen: npt.NDArray[np.bool_], rings: int
+) -> npt.NDArray[np.bool_]:
+    """Mark the vertices within a number of rings around marked ones: (n,) -> (n,).
+
+    The cost is that of the vertices found, not of the mesh.
+    """
+    start, ring = neighbours
+    found, queue = chosen.copy(), np.empty(len(chosen), dtype=np.int32)
+    front = np.flatnonzero(chosen).astype(np.int32)
+    end = np.zeros(1, dtype=np.int64)
+    for _ in range(rings):
+        begin = int(end[0])
+        run_in_order(_spread, len(front), front, start, ring, found, queue, end)
+        front = queue[begin : end[0]]
+    return found
+
+
 def distinct(numbers: npt.NDArray[Any], count: int) -> npt.NDArray[Any]:
     """Return the unique values of integers from 0 to `count` - 1, sorted."""
     if len(numbers.reshape(-1)) < count / _FEW:
@@ -107,6 +125,19 @@ def distinct(numbers: npt.NDArray[Any], count: int) -> npt.NDArray[Any]:
     found = np.zeros(count, dtype=np.bool_)
     found[numbers] = True
     return np.flatnonzero(found).astype(numbers.dtype)
+
+
+@kernel
+def _spread(start, stop, front, ring_start, ring, found, queue, end):
+    # Marks the neighbours of the front that are not yet found, and appends them to the queue.
+    for i in range(start, stop):
+        v = front[i]
+        for k in range(ring_start[v], ring_start[v + 1]):
+            u = ring[k]
+            if not found[u]:
+                found[u] = True
+                queue[end[0]] = u
+                end[0] += 1
 
 
 @kernel

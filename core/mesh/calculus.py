@@ -11,10 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import checked_signal
+from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask, phase
 from ..base.vectors import after, cross, dot, edge
+from .adjacency import within_rings
 from .triangle_mesh import Floats, Ints, TriangleMesh
+
+_MOSTLY = 0.25
+"""Smoothing computes only the vertices around values other than 0 if a sample of the values has no
+greater share of these."""
+
+_STRIDE = 61
+"""The sample contains one vertex in this many."""
 
 
 def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
@@ -99,8 +108,15 @@ def average_to_vertices(mesh: TriangleMesh, values: Floats) -> Floats:
     Vertices without area get zeros.
     """
     out = np.empty((mesh.vertex_count, values.shape[1]))
-    run(_average, mesh.vertex_count, *mesh.corners, mesh.areas, values, out)
+    start, corners = mesh.corners
+    corners = corners.view(np.uint32)  # spares a test for negative indices in each access
+    run(_average, mesh.vertex_count, start, corners, mesh.areas, values, out)
     return out
+
+
+def mean_normals(mesh: TriangleMesh) -> Floats:
+    """Area-weighted averages of the face normals at the vertices: (n, 3). Do not modify them."""
+    return kept(mesh, "mean normals", (), lambda: average_to_vertices(mesh, mesh.normals))
 
 
 def average_to_faces(mesh: TriangleMesh, values: Floats) -> Floats:
@@ -115,6 +131,18 @@ def greatest_to_faces(mesh: TriangleMesh, values: npt.NDArray) -> npt.NDArray:
     out = np.empty(mesh.face_count, dtype=values.dtype)
     run(_greatest_corner, mesh.face_count, mesh.faces, values, out)
     return out
+
+
+def corners_of(mesh: TriangleMesh, chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Mark the vertices of marked faces: (m,) -> (n,)."""
+    marked = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    marked[mesh.faces[chosen]] = True
+    return marked
+
+
+def faces_touching(mesh: TriangleMesh, chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Mark the faces with a marked vertex: (n,) -> (m,)."""
+    return greatest_to_faces(mesh, chosen.view(np.uint8)).view(np.bool_)
 
 
 def greatest_to_vertices(mesh: TriangleMesh, values: npt.NDArray) -> npt.NDArray:
@@ -171,15 +199,39 @@ def smooth_vertices(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
     with aside("Smoothing"):
         weights = mesh.neighbour_weights
     start, ring = mesh.neighbours
-    ring = ring.view(np.uint32)  # see _umbrella
+    rows = _rows_to_smooth(mesh, signal, passes)
+    ring = ring.view(np.uint32)  # see `average_to_vertices`
     spare = None
     for done in range(passes):
-        out = np.empty_like(signal) if spare is None else spare
+        out = spare
+        if out is None:
+            out = np.empty_like(signal) if rows is None else np.zeros_like(signal)
         with phase(done / passes, (done + 1) / passes, "Smoothing"):
-            run(_umbrella, mesh.vertex_count, start, ring, weights, signal, out)
+            if rows is None:
+                run(_umbrella, mesh.vertex_count, start, ring, weights, signal, out)
+            else:
+                run(_umbrella_at, len(rows), rows, start, ring, weights, signal, out)
         spare = signal if done else None  # the caller's array is never written to
         signal = out
     return signal
+
+
+def _rows_to_smooth(mesh: TriangleMesh, signal: Floats, passes: int) -> Ints | None:
+    # The vertices where a signal that is mostly 0 can become other than 0; None if it is not.
+    sample = signal[::_STRIDE]
+    if np.count_nonzero(sample) > _MOSTLY * sample.size:
+        return None
+    ask()
+    other = within_rings(mesh.neighbours, nonzero_rows(signal), passes)
+    return np.flatnonzero(other).astype(np.int32)
+
+
+def nonzero_rows(values: npt.NDArray) -> npt.NDArray[np.bool_]:
+    """Tell which rows have a value other than 0: (n, d) -> (n,)."""
+    found = values[:, 0] != 0
+    for column in values.T[1:]:  # several times faster than `any` along the rows
+        found |= column != 0
+    return found
 
 
 @kernel
@@ -264,18 +316,32 @@ def _assemble(
 
 @kernel
 def _average(start, stop, corner_start, corners, areas, values, out):
+    # Three channels or one at a time, with their sums in registers.
+    count, sides = values.shape[1], np.uint32(3)
     for v in range(start, stop):
-        total = 0.0
-        out[v] = 0.0
-        for i in range(corner_start[v], corner_start[v + 1]):
-            f = corners[i] // 3
-            area = areas[f]
-            total += area
-            for j in range(values.shape[1]):
-                out[v, j] += area * values[f, j]
-        if total > 0:
-            for j in range(values.shape[1]):
-                out[v, j] /= total
+        begin, end = corner_start[v], corner_start[v + 1]
+        j = 0
+        while j + 3 <= count:
+            a = b = c = total = 0.0
+            for i in range(begin, end):
+                f = corners[i] // sides
+                area = areas[f]
+                total += area
+                a += area * values[f, j]
+                b += area * values[f, j + 1]
+                c += area * values[f, j + 2]
+            if total > 0:
+                a, b, c = a / total, b / total, c / total
+            out[v, j], out[v, j + 1], out[v, j + 2] = a, b, c
+            j += 3
+        while j < count:
+            a = total = 0.0
+            for i in range(begin, end):
+                f = corners[i] // sides
+                total += areas[f]
+                a += areas[f] * values[f, j]
+            out[v, j] = a / total if total > 0 else a
+            j += 1
 
 
 @kernel
@@ -338,21 +404,49 @@ def make_unit_or(vector, old):
 
 
 @kernel
+def _umbrella_at(start, stop, rows, ring_start, ring, weights, values, out):
+    for row in range(start, stop):
+        _umbrella(rows[row], rows[row] + 1, ring_start, ring, weights, values, out)
+
+
+@kernel
 def _umbrella(start, stop, ring_start, ring, weights, values, out):
-    # Unsigned ring indices spare a test for negative ones in each access.
-    last = values.shape[1] - 1
+    # Six, three or one channels at a time, with their sums in registers.
+    count = values.shape[1]
     for v in range(start, stop):
-        for j in range(0, last + 1, 4):  # four channels at a time, which is faster
-            k, p, q = min(j + 1, last), min(j + 2, last), min(j + 3, last)
-            a, b, c, d = values[v, j], values[v, k], values[v, p], values[v, q]
+        begin, end = ring_start[v], ring_start[v + 1]
+        j = 0
+        while j + 6 <= count:
+            a, b, c = values[v, j], values[v, j + 1], values[v, j + 2]
+            d, e, f = values[v, j + 3], values[v, j + 4], values[v, j + 5]
             total = 1.0
-            for i in range(ring_start[v], ring_start[v + 1]):
-                u = ring[i]
-                weight = weights[i]
+            for i in range(begin, end):
+                u, weight = ring[i], weights[i]
                 total += weight
                 a += weight * values[u, j]
-                b += weight * values[u, k]
-                c += weight * values[u, p]
-                d += weight * values[u, q]
-            out[v, j], out[v, k] = a / total, b / total
-            out[v, p], out[v, q] = c / total, d / total
+                b += weight * values[u, j + 1]
+                c += weight * values[u, j + 2]
+                d += weight * values[u, j + 3]
+                e += weight * values[u, j + 4]
+                f += weight * values[u, j + 5]
+            out[v, j], out[v, j + 1], out[v, j + 2] = a / total, b / total, c / total
+            out[v, j + 3], out[v, j + 4], out[v, j + 5] = d / total, e / total, f / total
+            j += 6
+        while j + 3 <= count:
+            a, b, c = values[v, j], values[v, j + 1], values[v, j + 2]
+            total = 1.0
+            for i in range(begin, end):
+                u, weight = ring[i], weights[i]
+                total += weight
+                a += weight * values[u, j]
+                b += weight * values[u, j + 1]
+                c += weight * values[u, j + 2]
+            out[v, j], out[v, j + 1], out[v, j + 2] = a / total, b / total, c / total
+            j += 3
+        while j < count:
+            a, total = values[v, j], 1.0
+            for i in range(begin, end):
+                total += weights[i]
+                a += weights[i] * values[ring[i], j]
+            out[v, j] = a / total
+            j += 1

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..base.checks import Floats, as_array, by_keyword, checked_count, checked_flag, checked_word
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
-from .calculus import average_to_vertices, gradient, smooth_vertices, unit_vectors
+from .calculus import average_to_vertices, gradient, mean_normals, smooth_vertices, unit_vectors
 from .triangle_mesh import TriangleMesh, check_mesh
 
 _LITTLE = 1e-12
@@ -275,7 +275,7 @@ def _curvature_tensors(
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     # Two tangents at each vertex, and the entries 11, 12 and 22 of the smoothed shape operator in
     # their frame, per mean edge length.
-    normals = unit_vectors(average_to_vertices(mesh, mesh.normals))
+    normals = unit_vectors(mean_normals(mesh))
     # The shape operator of each face, in its plane.
     change = _tangential(mesh.normals, gradient(mesh, normals))
     ask()

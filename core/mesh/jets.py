@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
-from .calculus import average_to_vertices, lumped_mass, smooth_vertices, unit_vectors
+from .calculus import lumped_mass, mean_normals, smooth_vertices, unit_vectors
 from .triangle_mesh import TriangleMesh
 
 TERMS = 6
@@ -33,7 +33,7 @@ class Frames:
     """A frame at each vertex: tangents `one` and `two`, and a normal, (n, 3) each."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self.normal = unit_vectors(average_to_vertices(mesh, mesh.normals))
+        self.normal = unit_vectors(mean_normals(mesh))
         off = np.zeros_like(self.normal)
         off[np.arange(len(off)), np.argmin(np.abs(self.normal), axis=1)] = 1.0
         self.one = unit_vectors(np.cross(self.normal, off))

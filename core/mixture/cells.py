@@ -39,9 +39,12 @@ class MeansAround:
 
     def __init__(self, places: Floats, values: Floats, size: float) -> None:
         self._places = places
-        self._size = size = max(0.5 * size, float(np.abs(places).max()) / _MOST_CELLS)
-        self._low = low = np.floor(places.min(axis=0) / size) * size
-        span = np.floor((places.max(axis=0) - low) / size).astype(np.int64) + 3
+        # Column by column, which is faster than along axis 0.
+        least, most = np.array([(column.min(), column.max()) for column in places.T]).T
+        farthest = float(np.abs([least, most]).max())
+        self._size = size = max(0.5 * size, farthest / _MOST_CELLS)
+        self._low = low = np.floor(least / size) * size
+        span = np.floor((most - low) / size).astype(np.int64) + 3
         keys = np.empty(len(places), dtype=np.int64)
         run(_number, len(places), places, low, size, span, keys)
         used, self._cell = _numbered(keys)
@@ -102,23 +105,30 @@ def _number(start, stop, places, low, size, span, keys):
 
 
 @kernel
-def _share(c, v, places, low, size):
+def _within_cell(v, places, low, size):
+    # The place of a point in its cell, from 0 to 1 along each axis.
+    x = (places[v, 0] - low[0]) / size
+    y = (places[v, 1] - low[1]) / size
+    z = (places[v, 2] - low[2]) / size
+    return x - int(x), y - int(y), z - int(z)
+
+
+@kernel
+def _share(c, place):
     # The trilinear weight, for a point, of corner c of its cell.
-    share = 1.0
-    for axis in range(3):
-        t = (places[v, axis] - low[axis]) / size
-        t -= int(t)
-        bit = (c >> (2 - axis)) & 1
-        share *= t if bit else 1.0 - t
-    return share
+    x = place[0] if c & 4 else 1.0 - place[0]
+    y = place[1] if c & 2 else 1.0 - place[1]
+    z = place[2] if c & 1 else 1.0 - place[2]
+    return x * y * z
 
 
 @kernel
 def _add_up(start, stop, places, low, size, index, cell, values, sums):
     count = values.shape[1]
     for v in range(start, stop):
+        place = _within_cell(v, places, low, size)
         for c in range(8):
-            share = _share(c, v, places, low, size)
+            share = _share(c, place)
             total = sums[index[cell[v], c]]
             for i in range(count):
                 total[i] += share * values[v, i]
@@ -142,11 +152,11 @@ def _read(start, stop, rows, places, low, size, index, cell, sums, out):
     count = out.shape[1]
     for r in range(start, stop):
         v = rows[r]
-        weight = 0.0
+        place, weight = _within_cell(v, places, low, size), 0.0
         for i in range(count):
             out[r, i] = 0.0
         for c in range(8):
-            share = _share(c, v, places, low, size)
+            share = _share(c, place)
             total = sums[index[cell[v], c]]
             weight += share * total[count]
             for i in range(count):

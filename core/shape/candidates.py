@@ -24,7 +24,8 @@ from ..base.parallel import kernel, run
 from ..base.progress import ask, phase
 from ..base.vectors import dot, edge
 from ..flow.potential import bending
-from ..mesh.calculus import average_to_vertices, make_unit_or, smooth_vertices
+from ..mesh.adjacency import distinct
+from ..mesh.calculus import average_to_vertices, make_unit_or, mean_normals, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mixture.cells import MeansAround
 from ..mixture.choice import pair_count, tell_pairs
@@ -136,8 +137,9 @@ def find_candidates(
             *flows, _STILL_COSINE, everywhere, turned)  # fmt: skip
     with phase(0.65, 0.8, message):
         turn, wide_turn = _turn(near), _turn(far)
-        surroundings = _Surroundings(mesh, everywhere, signal, near, far)
-        del near, far
+        heights = _heights(mesh, signal, near, far)
+        del near, far  # before more memory is needed
+        surroundings = _Surroundings(mesh, everywhere, heights)
         if gate is not None:
             rows = np.flatnonzero(turned)
             for begin in range(0, len(rows), _GATE_BLOCK):
@@ -177,7 +179,7 @@ def _passed(gate: Network, candidates: Singles, beside: Singles) -> npt.NDArray[
 
 def _smoothed(mesh: TriangleMesh) -> tuple[Floats, Floats]:
     # Normals and positions at the vertices after both numbers of smoothing passes: (n, 6) each.
-    both = np.concatenate([average_to_vertices(mesh, mesh.normals), mesh.scaled_vertices], axis=1)
+    both = np.concatenate([mean_normals(mesh), mesh.scaled_vertices], axis=1)
     first, second = _PASSES
     with phase(0.0, 0.3, "Finding creases"):
         near = smooth_vertices(mesh, both, first)
@@ -205,18 +207,21 @@ def _is_inside_out(mesh: TriangleMesh) -> bool:
     return volume < -open_area
 
 
-class _Surroundings:
-    # The features other than pair distances; each vertex is computed once.
+def _heights(mesh: TriangleMesh, signal: Floats, near: Floats, far: Floats) -> Floats:
+    # How far smoothing moves each vertex outwards, after both numbers of passes: (n, 2).
+    heights = np.empty((mesh.vertex_count, len(_PASSES)))
+    run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far, heights)
+    if _is_inside_out(mesh):
+        heights *= -1.0
+    return heights
 
-    def __init__(
-        self, mesh: TriangleMesh, everywhere: Singles, signal: Floats, near: Floats, far: Floats
-    ) -> None:
+
+class _Surroundings:
+    # The features other than pair distances.
+
+    def __init__(self, mesh: TriangleMesh, everywhere: Singles, heights: Floats) -> None:
         self._mesh = mesh
-        self._heights = np.empty((mesh.vertex_count, len(_PASSES)))
-        run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far,
-            self._heights)  # fmt: skip
-        if _is_inside_out(mesh):
-            self._heights *= -1.0
+        self._heights = heights
         changes = np.empty((mesh.face_count, _AROUND))
         run(_measure_changes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
             mesh.areas, mesh.twins, everywhere, np.array(_CHANGES), np.array(_ALIKE),
@@ -224,11 +229,11 @@ class _Surroundings:
         around = average_to_vertices(mesh, changes)
         del changes
         around[:, -1] = self._heights[:, -1] ** 2
-        around = smooth_vertices(mesh, around, 2)
+        for _ in range(2):  # one pass at a time needs less memory
+            around = smooth_vertices(mesh, around, 1)
         run(_to_logarithms, len(around), around)
         self._around = around
-        self._known = np.zeros(mesh.vertex_count, dtype=np.bool_)
-        self._measures = np.empty((mesh.vertex_count, _AROUND * (1 + len(_CELLS))), np.float32)
+        self._number = np.empty(mesh.vertex_count, dtype=np.int32)
         used = np.diff(mesh.corners[0]) > 0
         self._cells: list[MeansAround] = []
         self._place: npt.NDArray | None = None
@@ -244,15 +249,15 @@ class _Surroundings:
         mesh = self._mesh
         if not self._cells:
             self._cells = [MeansAround(*self._grids, size) for size in _CELLS]
-        wanted = np.zeros(mesh.vertex_count, dtype=np.bool_)
-        wanted[mesh.faces[rows]] = True
-        new = np.flatnonzero(wanted & ~self._known)
-        self._known[new] = True
-        place = new if self._place is None else self._place[new]
-        self._measures[new, :_AROUND] = self._around[new]
+        faces = mesh.faces[rows]
+        vertices = distinct(faces, mesh.vertex_count)
+        self._number[vertices] = np.arange(len(vertices), dtype=np.int32)
+        place = vertices if self._place is None else self._place[vertices]
+        measures = np.empty((len(vertices), _AROUND * (1 + len(_CELLS))), dtype=np.float32)
+        measures[:, :_AROUND] = self._around[vertices]
         for k, cells in enumerate(self._cells, 1):
-            self._measures[new, k * _AROUND : (k + 1) * _AROUND] = cells.at(place)
-        run(_tell_around, len(rows), rows, mesh.faces, self._heights, self._measures,
+            measures[:, k * _AROUND : (k + 1) * _AROUND] = cells.at(place)
+        run(_tell_around, len(rows), self._number[faces], self._heights[vertices], measures,
             told)  # fmt: skip
         return told
 
@@ -350,10 +355,10 @@ def _to_logarithms(start, stop, values):
 
 
 @kernel
-def _tell_around(start, stop, rows, faces, heights, measures, told):
+def _tell_around(start, stop, faces, heights, measures, told):
     # Averages the measures over the corners of each face.
     for r in range(start, stop):
-        a, b, c = faces[rows[r], 0], faces[rows[r], 1], faces[rows[r], 2]
+        a, b, c = faces[r, 0], faces[r, 1], faces[r, 2]
         begin = 2 * heights.shape[1]
         for i in range(heights.shape[1]):
             height = (abs(heights[a, i]) + abs(heights[b, i]) + abs(heights[c, i])) / 3.0

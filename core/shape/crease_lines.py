@@ -15,7 +15,7 @@ from ..base.memo import kept
 from ..base.parallel import kernel
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..base.vectors import after
-from ..flow.potential import dilation
+from ..mesh.adjacency import within_rings
 from ..mesh.edges import checked_edges, half_edges_between
 from ..mesh.nearest import point_tree, points_within
 from ..mesh.order import is_scattered, sorted_along_curve
@@ -286,10 +286,10 @@ def _found(
     if not with_left:
         return given
     with phase(0.9, 1.0, "Tracing creases"):
-        near = np.zeros(mesh.vertex_count)
-        near[mesh.faces[chosen]] = 1.0
-        blunt = dilation(mesh, (found.turn > np.radians(_BLUNT_TURN)).astype(np.float64), 1)
-        allowed = (dilation(mesh, near, _APART) == 0) & (blunt > 0)
+        ends = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        ends[mesh.faces[chosen]] = True
+        blunt = within_rings(mesh.neighbours, found.turn > np.radians(_BLUNT_TURN), 1)
+        allowed = blunt & ~within_rings(mesh.neighbours, ends, _APART)
         if not allowed.any():
             return given
         closed = mesh.normals.copy()

@@ -16,17 +16,18 @@ from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..base.vectors import after, dot, edge
 from ..errors import InvalidSignal, SolverError
-from ..flow.potential import dilation
 from ..linear.cg import SolveReport, solve
 from ..linear.system import LinearSystem
+from ..mesh.adjacency import within_rings
 from ..mesh.calculus import (
     average_to_vertices,
     blended_normals,
+    corners_of,
     cotangents,
-    greatest_to_faces,
-    greatest_to_vertices,
+    faces_touching,
     lumped_mass,
     needle_share,
+    nonzero_rows,
     stiffness_weights,
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh, part_of
@@ -191,7 +192,7 @@ def displacement(
             )
         if near is not None:
             begin = 0.3 + 0.7 / steps
-            far = np.flatnonzero((near == 0) & ~system.fixed).astype(np.int32)
+            far = np.flatnonzero(~near & ~system.fixed).astype(np.int32)
             with phase(begin, 0.9, "Fitting the surface"):
                 moved = further_steps(mesh, system, normals, near, moved, steps)
             with phase(0.9, 1.0, "Fitting the surface"):
@@ -220,13 +221,13 @@ def local_displacement(
     rings = math.ceil(_RADII * settings.screening_radius)
     if rings > _MOST_RINGS:
         return displacement(mesh, normals, settings, mask, steps, freedom)[0]
-    turned = (normals != mesh.normals).any(axis=1)
-    near = dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), rings)
+    turned = nonzero_rows(normals != mesh.normals)
+    near = within_rings(mesh.neighbours, corners_of(mesh, turned), rings)
     if near.mean() > _LARGEST_PART:
         return displacement(mesh, normals, settings, mask, steps, freedom)[0]
     moved = np.zeros((mesh.vertex_count, 3))
     if near.any():
-        chosen = np.flatnonzero(greatest_to_faces(mesh, near))
+        chosen = np.flatnonzero(faces_touching(mesh, near))
         part, index = part_of(mesh, chosen)
         free = near[index].astype(np.float64) if mask is None else near[index] * mask[index]
         moved[index], _ = displacement(part, normals[chosen], settings, free, steps, freedom)

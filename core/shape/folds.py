@@ -18,7 +18,7 @@ from ..base.parallel import kernel, run
 from ..base.progress import ask
 from ..base.vectors import cross, dot
 from ..mesh.adjacency import distinct, faces_around
-from ..mesh.calculus import greatest_to_faces, greatest_to_vertices
+from ..mesh.calculus import greatest_to_faces, greatest_to_vertices, nonzero_rows
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
 _FOLD, _CLEAR, _ALREADY = np.cos(np.radians((140.0, 149.9, 150.1)))
@@ -137,7 +137,7 @@ def mended(
         The displacement, changed around bad faces.
     """
     checks = FoldChecks(mesh, targets)
-    near = checks.faces_near(np.flatnonzero(moved.any(axis=1)))
+    near = checks.faces_near(np.flatnonzero(nonzero_rows(moved)))
     grades = checks.grades(moved, near)
     if not grades.any():
         return moved
@@ -150,7 +150,7 @@ def mended(
 def undone(mesh: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
     """Undo a displacement, in place, around bad faces."""
     checks = FoldChecks(mesh, targets)
-    near = checks.faces_near(np.flatnonzero(moved.any(axis=1)))
+    near = checks.faces_near(np.flatnonzero(nonzero_rows(moved)))
     return _without(checks, moved, checks.bad_faces(moved, near))
 
 

@@ -20,11 +20,12 @@ from ..base.parallel import blocks, kernel, run
 from ..base.progress import phase
 from ..base.vectors import cross, dot, edge
 from ..errors import InvalidMesh
-from ..flow.potential import dilation
+from ..mesh.adjacency import within_rings
 from ..mesh.calculus import (
     average_to_faces,
     average_to_vertices,
     blended_normals,
+    faces_touching,
     greatest_to_faces,
     greatest_to_vertices,
 )
@@ -166,11 +167,11 @@ def _denoised(mesh: TriangleMesh, free: Floats | None, ways: _Ways) -> tuple[Flo
     if free is None or free.all():
         return _in_stages(mesh, None, ways)
     rings = _RINGS + ceil(BUMP_REACH * ways.bump_size)
-    near = dilation(mesh, (free > 0).view(np.uint8), rings)
+    near = within_rings(mesh.neighbours, free > 0, rings)
     if near.mean() > _LARGEST_PART:
         return _in_stages(mesh, free, ways)
     moved, normals = np.zeros((mesh.vertex_count, 3)), mesh.normals.copy()
-    chosen = np.flatnonzero(greatest_to_faces(mesh, near))
+    chosen = np.flatnonzero(faces_touching(mesh, near))
     if mesh.areas[chosen].any():
         part, index = part_of(mesh, chosen)
         moved[index], normals[chosen] = _in_stages(part, free[index], ways)

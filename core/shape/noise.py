@@ -87,8 +87,8 @@ def size_ramp(mesh: TriangleMesh, ends: tuple[int, int]) -> Floats:
     """Ramp, on a logarithmic scale, of the number of faces of each face's component: (m,)."""
     a, b, c = mesh.faces.T
     _, part = connected_components(mesh.vertex_count, np.append(a, b), np.append(b, c))
-    faces = np.bincount(part[a], minlength=1)[part[a]]
-    return between(np.log(faces), (log(ends[0]), log(ends[1])))
+    sizes = np.maximum(np.bincount(part[a], minlength=1), 1)  # 1 for loose vertices, not used
+    return between(np.log(sizes), (log(ends[0]), log(ends[1])))[part[a]]
 
 
 def even_edges(mesh: TriangleMesh) -> Floats:

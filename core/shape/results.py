@@ -13,9 +13,8 @@ import numpy.typing as npt
 from ..base.findings import tell
 from ..base.parallel import kernel, run
 from ..base.vectors import cross, dot, edge
-from ..flow.potential import dilation
-from ..mesh.adjacency import connected_parts
-from ..mesh.calculus import average_to_vertices, smooth_vertices
+from ..mesh.adjacency import connected_parts, within_rings
+from ..mesh.calculus import average_to_vertices, mean_normals, smooth_vertices, unit_vectors
 from ..mesh.nearest import nearest_point, point_tree, points_within
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from .creases import ramp
@@ -113,11 +112,10 @@ def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:
     # The number of places that vertices form: those within about two edges belong to one place.
     if len(vertices) == 0:
         return 0
-    chosen = np.zeros(mesh.vertex_count, dtype=np.uint8)
-    chosen[vertices] = 1
-    chosen = dilation(mesh, chosen, 1)
+    chosen = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    chosen[vertices] = True
     start, ring = mesh.neighbours
-    inside = chosen > 0
+    inside = within_rings((start, ring), chosen, 1)
     keep = inside[ring] & np.repeat(inside, np.diff(start))
     counts = np.add.reduceat(np.append(keep, False), start[:-1]) * (np.diff(start) > 0)
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
@@ -147,8 +145,7 @@ def without_drift(
     (n, 3) float64
         The displacement; `moved` itself where nothing drifts.
     """
-    normals = average_to_vertices(mesh, mesh.normals)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    normals = unit_vectors(mean_normals(mesh))
     along = np.einsum("vx,vx->v", moved, normals) / mesh.mean_edge_length
     drift = smooth_vertices(mesh, along.reshape(-1, 1), _PASSES)[:, 0]
     places = np.flatnonzero(np.abs(drift) > _DRIFT)
@@ -168,7 +165,7 @@ def without_drift(
 def _thickness(mesh: TriangleMesh, places: npt.NDArray[np.intp]) -> Floats:
     # The distance of vertices to the opposite side of the surface, behind or before them, in mean
     # edge lengths; at most _FAR.
-    return _other_sides(mesh, average_to_vertices(mesh, mesh.normals), places, None, _FAR)
+    return _other_sides(mesh, mean_normals(mesh), places, None, _FAR)
 
 
 def _other_sides(
@@ -208,11 +205,25 @@ def _find_other_sides(start, stop, places, points, normals, near, begin, around,
 
 
 @kernel
+def _is_same(one, other):
+    return one[0] == other[0] and one[1] == other[1] and one[2] == other[2]
+
+
+@kernel
+def _is_zero(vector):
+    return vector[0] == 0 and vector[1] == 0 and vector[2] == 0
+
+
+@kernel
 def _measure(start, stop, vertices, moved, faces, before, targets, unit, off):
     # 1 - cos of the angle to the target normal, times twice the area in squared mean edge lengths:
-    # before and after the displacement.
+    # before and after the displacement. Faces that keep normal and place have exactly 0.
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        moves = not (_is_zero(moved[a]) and _is_zero(moved[b]) and _is_zero(moved[c]))
+        if _is_same(before[f], targets[f]) and not moves:
+            off[f, 0] = off[f, 1] = 0.0
+            continue
         u, v = edge(vertices, a, b), edge(vertices, a, c)
         n = cross(u, v)
         off[f, 0] = np.sqrt(dot(n, n)) * (1.0 - dot(before[f], targets[f]))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..base.parallel import kernel, run
 from ..base.progress import aside, phase
 from ..base.vectors import TIE_BREAKER, dot
-from ..mesh.calculus import cosines, greatest_to_faces, greatest_to_vertices, make_unit
+from ..mesh.calculus import corners_of, cosines, faces_touching, make_unit
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
 _PULL = 0.3
@@ -38,15 +38,15 @@ def consistent_normals(
     and normals n of its faces, plus 0.3 times 1 - (its mean normal . the face's own). So each face
     of a slanted strip takes the normal of one side.
     """
-    around = grown(mesh, zone)
+    inside, around = np.flatnonzero(zone), np.flatnonzero(grown(mesh, zone))
     means, uneven = np.empty_like(normals), np.empty(len(normals))
     for iteration in range(passes):
-        out = np.empty_like(normals)
+        out = normals.copy()
         with phase(iteration / passes, (iteration + 0.5) / passes, "Aligning creases"):
-            run(_patches, mesh.face_count, mesh.faces, *mesh.corners, around, normals, mesh.areas,
+            run(_patches, len(around), around, mesh.faces, *mesh.corners, normals, mesh.areas,
                 means, uneven)  # fmt: skip
         with phase((iteration + 0.5) / passes, (iteration + 1) / passes, "Aligning creases"):
-            run(_choose, mesh.face_count, mesh.faces, *mesh.corners, zone, normals, means, uneven,
+            run(_choose, len(inside), inside, mesh.faces, *mesh.corners, normals, means, uneven,
                 _PULL, out)  # fmt: skip
         normals = out
     return normals
@@ -61,8 +61,7 @@ def turned_zone(mesh: TriangleMesh, old: Floats, new: Floats) -> npt.NDArray[np.
 def grown(mesh: TriangleMesh, zone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Add the faces that share a vertex with those of a zone: (m,) -> (m,)."""
     with aside("Aligning creases"):
-        touched = greatest_to_vertices(mesh, zone.view(np.uint8))
-        return greatest_to_faces(mesh, touched).view(np.bool_)
+        return faces_touching(mesh, corners_of(mesh, zone))
 
 
 @kernel
@@ -71,10 +70,9 @@ def _contains(faces, f, v):
 
 
 @kernel
-def _patches(start, stop, faces, corner_start, corners, around, normals, areas, means, uneven):
-    for f in range(start, stop):
-        if not around[f]:
-            continue
+def _patches(start, stop, around, faces, corner_start, corners, normals, areas, means, uneven):
+    for row in range(start, stop):
+        f = around[row]
         x = y = z = total = 0.0
         for k in range(3):
             v = faces[f, k]
@@ -107,11 +105,11 @@ def _cost(own, means, uneven, pull, f):
 
 
 @kernel
-def _choose(start, stop, faces, corner_start, corners, zone, normals, means, uneven, pull, out):
-    for f in range(start, stop):
+def _choose(start, stop, inside, faces, corner_start, corners, normals, means, uneven, pull, out):
+    for row in range(start, stop):
+        f = inside[row]
         own = normals[f]
-        if not zone[f] or (own[0] == 0 and own[1] == 0 and own[2] == 0):
-            out[f] = own
+        if own[0] == 0 and own[1] == 0 and own[2] == 0:
             continue
         # Among costs that are equal up to rounding, a direction decides, not the order of faces.
         cost = least = _cost(own, means, uneven, pull, f)

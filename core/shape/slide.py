@@ -19,11 +19,10 @@ from ..base.findings import tell
 from ..base.parallel import kernel, run
 from ..base.progress import ask, phase
 from ..base.vectors import TIE_BREAKER, after, cross, dot
-from ..flow.potential import dilation
 from ..linear.cg import roughly
 from ..linear.system import LinearSystem
-from ..mesh.adjacency import count_sort, distinct, faces_around
-from ..mesh.calculus import cosines, cotangents_of, greatest_to_faces, greatest_to_vertices
+from ..mesh.adjacency import count_sort, distinct, faces_around, within_rings
+from ..mesh.calculus import corners_of, cosines, cotangents_of, faces_touching
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 LOOSE = 0.05
@@ -97,7 +96,7 @@ def further_steps(
     mesh: TriangleMesh,
     system: LinearSystem,
     normals: Floats,
-    near: npt.NDArray[np.uint8],
+    near: npt.NDArray[np.bool_],
     moved: Floats,
     steps: int,
 ) -> Floats:
@@ -115,8 +114,8 @@ def further_steps(
         The refit's matrix.
     normals : (m, 3) float64
         Target normals.
-    near : (n,) uint8
-        1 at the vertices that take further steps, from `near_turns`; not all 0.
+    near : (n,) bool
+        The vertices that take further steps, from `near_turns`; at least one.
     moved : (n, 3) float64
         The displacement of the first step, in mean edge lengths.
     steps : int
@@ -137,24 +136,24 @@ def further_steps(
     return moved
 
 
-def near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
-    """Return 1 at vertices near faces that turn, which take further steps, else 0: (n,)."""
+def near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.bool_]:
+    """Mark the vertices near faces that turn, which take further steps: (n,)."""
     turned = (cosines(mesh.normals, normals) < np.cos(_LEAST_TURN)) & (mesh.areas > 0)
-    return dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), _RINGS)
+    return within_rings(mesh.neighbours, corners_of(mesh, turned), _RINGS)
 
 
 def _cut_out(
-    mesh: TriangleMesh, system: LinearSystem, normals: Floats, near: npt.NDArray[np.uint8]
+    mesh: TriangleMesh, system: LinearSystem, normals: Floats, near: npt.NDArray[np.bool_]
 ) -> tuple[Ints, _Piece]:
     # Returns the indices in the mesh of the piece's vertices, and the piece.
-    taken = greatest_to_faces(mesh, near)
+    taken = faces_touching(mesh, near)
     chosen = np.flatnonzero(taken)
-    index = np.flatnonzero(greatest_to_vertices(mesh, taken)).astype(np.int32)
+    index = np.flatnonzero(corners_of(mesh, taken)).astype(np.int32)
     number = np.empty(mesh.vertex_count, dtype=np.int32)
     number[index] = np.arange(len(index), dtype=np.int32)
     faces = number[mesh.faces[chosen]]
     inner = system.part(index)
-    inner.fixed |= near[index] == 0
+    inner.fixed |= ~near[index]
     vertices, targets = mesh.scaled_vertices[index], normals[chosen]
     shapes = np.empty(len(chosen))
     run(_shapes, len(chosen), np.arange(len(chosen)), vertices, np.zeros(vertices.shape), faces,

@@ -68,6 +68,35 @@ def test_smoothing_agrees_with_brute_force(bent):
     assert calculus.smooth_vertices(bent, values, 0) is values
 
 
+@pytest.mark.parametrize("channels", [1, 2, 3, 5, 6, 12])
+def test_channels_are_smoothed_and_averaged_each_for_itself(bent, channels):
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=(bent.vertex_count, channels))
+    alone = [calculus.smooth_vertices(bent, one.reshape(-1, 1), 2) for one in values.T]
+    assert np.array_equal(calculus.smooth_vertices(bent, values, 2), np.hstack(alone))
+    values = rng.normal(size=(bent.face_count, channels))
+    alone = [calculus.average_to_vertices(bent, one.reshape(-1, 1)) for one in values.T]
+    assert np.array_equal(calculus.average_to_vertices(bent, values), np.hstack(alone))
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+def test_a_signal_that_is_mostly_0_is_smoothed_alike(channels):
+    mesh = core.TriangleMesh(*icosphere(4))
+    sparse = np.zeros((mesh.vertex_count, channels))
+    sparse[mesh.vertices[:, 2] > 0.9, -1] = 1.0
+    found = calculus.smooth_vertices(mesh, sparse, 5)
+    assert found[:, -1].any()
+    assert (found[mesh.vertices[:, 2] < 0.4] == 0).all()  # 5 rings are narrower
+    # Smoothing leaves constants alone; this signal is nowhere 0, so all vertices are computed.
+    raised = calculus.smooth_vertices(mesh, sparse + 1.0, 5) - 1.0
+    assert np.allclose(found, raised, atol=1e-13)
+
+
+def test_rows_are_not_zero_if_any_value_is_not():
+    values = np.array([[0.0, -0.0, 0.0], [0.0, 0.0, 1e-300], [np.nan, 0.0, 0.0]])
+    assert calculus.nonzero_rows(values).tolist() == [False, True, True]
+
+
 def test_needles_are_weakened_as_a_whole():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-8, 0], [0.5, -1, 0]])
     mesh = core.TriangleMesh(vertices, [[0, 1, 2], [1, 0, 3]])

@@ -6,7 +6,7 @@ from shapes import Counting, cube, fan, grid, icosphere, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
 from shock_filter.core.mesh import weld as weld_module
-from shock_filter.core.mesh.adjacency import connected_parts
+from shock_filter.core.mesh.adjacency import connected_parts, within_rings
 from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
 from shock_filter.core.mesh.triangle_mesh import part_of
 from shock_filter.core.mesh.weld import split_at_jumps
@@ -181,6 +181,21 @@ def test_weld_agrees_with_sorting_points():
     assert np.array_equal(points[representatives][index], points)
     assert len(representatives) == len(np.unique(points + 0.0, axis=0))
     assert (np.diff(representatives) > 0).all()
+
+
+@pytest.mark.parametrize("rings", [0, 1, 4, 50])
+def test_vertices_within_rings_agree_with_brute_force(rings):
+    vertices, faces = grid(12, 9)
+    mesh = core.TriangleMesh(vertices, faces[5:])
+    chosen = np.zeros(mesh.vertex_count, dtype=bool)
+    chosen[[3, 60]] = True
+    expected = chosen.copy()
+    for _ in range(rings):
+        touched = expected[mesh.faces].any(axis=1)
+        expected[mesh.faces[touched]] = True
+    before = chosen.copy()
+    assert np.array_equal(within_rings(mesh.neighbours, chosen, rings), expected)
+    assert np.array_equal(chosen, before)
 
 
 def test_connected_parts_agree_with_scipy():
