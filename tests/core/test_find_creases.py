@@ -49,8 +49,7 @@ def test_lines_lie_at_the_creases_of_the_design_and_only_there(name, turn):
     lines = crisp(core.find_creases(mesh))
     precision, recall = shares(mesh, lines, creases)
     assert precision > 0.95
-    # Of a cog on the grid, some edges of teeth are taken for fillets.
-    assert recall > (0.9 if name == "cog" else 0.95)
+    assert recall > 0.95
     assert loose_ends(lines) <= 6
 
 

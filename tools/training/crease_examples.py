@@ -18,8 +18,10 @@ from distances import Floats, Solid, gradient, greatest, nearest, norm, placed, 
 from even_meshes import even, heights
 from meshings import (
     EXTENT,
+    RAISED,
     marching_cubes,
     mean_edge,
+    preserved,
     renormalized,
     sampled,
     surface_nets,
@@ -80,16 +82,18 @@ def remeshed(
     d = sampled(shape, n)
     if how == "blurred":
         d = scipy.ndimage.gaussian_filter(d, rng.uniform(0.4, 1.6))
-    elif how == "voxels":
-        d = renormalized(d, h)
+    elif how in ("voxels", "preserved"):
+        d = renormalized(d, h) - (RAISED * h if how == "preserved" else 0.0)
     if amount and rng.random() < 0.6:
         x = scipy.ndimage.gaussian_filter(rng.normal(size=d.shape), rng.uniform(0.5, 2.0))
         d, amount = d + amount * h * x / x.std(), 0.0
     cubes = how == "cubes" or (how in ("blurred", "softened") and rng.random() < 0.3)
     v, f = marching_cubes(d) if cubes else surface_nets(d)
     v = v * h - EXTENT
-    if how == "voxels" and rng.random() < 0.15:  # Blender's Preserve Volume
+    if how == "voxels" and rng.random() < 0.15:  # as a shrinkwrap does
         v = nearest(shape, v, h)
+    elif how == "preserved":
+        v = preserved(shape, v, f, h)
     edge = mean_edge(v, f)
     if how == "uneven" or (how in ("crisp", "softened") and rng.random() < 0.6):
         v = _scattered(rng, v, f, edge, shape, h)

@@ -78,6 +78,18 @@ MAKERS: dict[str, Callable[[int], examples.Example]] = {
     "cage": partial(_clean, denoise_examples.cage),
     "drawn": partial(_clean, denoise_examples.drawn),
     "divided": partial(_clean, denoise_examples.divided),
+    "lettered": partial(
+        examples.remeshed, kinds=("lettered",), meshings=("voxels", "nets", "cubes"), closer=3.0
+    ),
+    "preserved": partial(
+        examples.remeshed,
+        kinds=4 * ("lettered",)
+        + 3 * ("exact",)
+        + 3 * ("profiled",)
+        + ("filleted", "smooth", "statue"),
+        meshings=("preserved",),
+        closer=3.0,
+    ),
 }
 """Makers of training examples, by name."""
 

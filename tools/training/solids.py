@@ -19,6 +19,7 @@ from distances import (
     grown,
     joined,
     minus,
+    norm,
     placed,
     polytope,
     prism,
@@ -210,6 +211,59 @@ def profiled(rng, h) -> Solid:
     return placed(shape, np.zeros(3), np.eye(3)[rng.permutation(3)])
 
 
+def lettered(rng, h) -> Solid:
+    """Make extruded outlines like letters and emblems: curved, with crisp, beveled or round rims.
+
+    Bevels and roundings are 0.7 to 6 voxels wide. Distances are exact where outlines do not cross.
+    """
+    flat = _curve(rng)
+    for _ in range(rng.integers(0, 3)):
+        at, radius = rng.uniform(-0.5, 0.5, 2), rng.uniform(0.08, 0.3)
+        flat = minus(flat, lambda p, at=at, radius=radius: norm(p - at) - radius)
+    half = np.exp(rng.uniform(np.log(0.06), np.log(0.6)))
+    across = profile(_section(rng, half, h))
+    shape = lambda p: across(np.stack([flat(p[:, :2]), p[:, 2]], 1))  # noqa: E731
+    return placed(shape, np.zeros(3), np.eye(3)[rng.permutation(3)])
+
+
+def _curve(rng):
+    # A flat shape around the origin: a wavy disc, a bent stroke, or a polygon with round corners.
+    kind = rng.integers(0, 3)
+    if kind == 0:
+        a, n = np.arange(100) * 2 * np.pi / 100, np.arange(2, 8)[:, None]
+        waves = rng.normal(size=(6, 1)) * np.cos(n * a + rng.uniform(0, 6.3, (6, 1))) / n
+        r = np.maximum(1 + rng.uniform(0, 0.6) * waves.sum(0), 0.3)
+        r *= rng.uniform(0.7, 1.1) / r.max()
+        return profile(np.stack([r * np.cos(a), r * rng.uniform(0.5, 1) * np.sin(a)], 1))
+    if kind == 1:
+        t = np.linspace(0, 1, int(rng.integers(12, 40)))
+        way = np.cumsum(rng.normal(size=4)[:, None] * np.cos(np.arange(4)[:, None] * np.pi * t), 0)
+        line = np.cumsum(np.stack([np.cos(3 * way[-1]), np.sin(3 * way[-1])], 1), 0)
+        line -= (line.min(0) + line.max(0)) / 2
+        stroke = profile(np.concatenate([line, line[::-1]]) * (0.9 / abs(line).max()))
+        wide = rng.uniform(0.06, 0.25)
+        return lambda p: abs(stroke(p)) - wide
+    r = rng.uniform(0.02, 0.2)
+    corners = profile(_outline(rng, 1.0 - r))
+    return lambda p: corners(p) - r
+
+
+def _section(rng, half, h):
+    # The outline of a rim, in the plane of the distance to the flat shape and the height.
+    size = min(h * np.exp(rng.uniform(np.log(0.7), np.log(6))), 0.9 * half)
+    kind = rng.random()
+    edge = np.zeros((1, 2))
+    if kind > 0.75:  # round
+        a = np.linspace(0, np.pi / 2, 9)[:, None]
+        edge = size * np.concatenate([np.cos(a) - 1, np.sin(a) - 1], 1)
+    elif kind > 0.5:  # beveled
+        edge = size * np.array([[0, -rng.uniform(0.6, 1.6)], [-1, 0]])
+        edge[0, 1] = max(edge[0, 1], -0.9 * half)
+    high = edge + (0, half)
+    low = (edge if rng.random() < 0.7 else np.zeros((1, 2))) + (0, half)
+    return np.concatenate([high, [[-4.0, half], [-4.0, -half]], (low * (1, -1))[::-1]])
+
+
 def _hub(rng, side, half):
     # A hub, round or with a random outline, on one side of a plate of half thickness `half`.
     radius, high = rng.uniform(0.25, 0.55), half + rng.uniform(0.08, 0.5)
@@ -268,5 +322,6 @@ _MAKE = {
     "smooth": smooth,
     "mixed": _mixed,
     "profiled": profiled,
+    "lettered": lettered,
     "exact": lambda rng, h: part(rng, None, joined, cut),
 }

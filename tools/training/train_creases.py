@@ -33,13 +33,14 @@ MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py
            "even_meshes.py", "made.py", "meshings.py", "solids.py", "train_creases.py")  # fmt: skip
 """The scripts that the networks depend on."""
 
-VERSION = 5
+VERSION = 6
 """Number of shipped trainings."""
 
 COUNTS = {"remeshed": 1300, "narrow": 350, "coarse": 350, "relief": 225, "scanned": 175,
           "modelled": 960, "softened": 210, "sculpted": 700, "sharp": 390,
           "decimated": 790, "exact": 440, "voxels": 1900, "subdivided": 350,
-          "displaced": 700, "cage": 900, "drawn": 500, "divided": 400}  # fmt: skip
+          "displaced": 700, "cage": 900, "drawn": 500, "divided": 400, "lettered": 350,
+          "preserved": 1200}  # fmt: skip
 """Number of seeds for each of `made.MAKERS`."""
 
 HIDDEN = 128, 64
