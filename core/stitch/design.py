@@ -122,8 +122,8 @@ def _unexplained(steps: Floats, error: Floats, charts: _Ints) -> float:
     first, last = charts.min(axis=1), charts.max(axis=1)
     signs = np.where(charts[:, 0] == first, 1.0, -1.0)
     pairs, index, lengths = np.unique(first * count + last, return_inverse=True, return_counts=True)
-    sums = np.stack([np.bincount(index, signs * column) for column in steps.T], axis=1)
-    lights = _lights(*np.divmod(pairs, count), lengths, sums, count)
+    sums: Floats = np.stack([np.bincount(index, signs * each) for each in steps.T], axis=1)
+    lights = _lights(pairs // count, pairs % count, lengths, sums, count)
     left = steps - lights[charts[:, 0]] + lights[charts[:, 1]]
     unexplained = np.maximum((left**2).sum(axis=1) - error, 0.0)
     return float(unexplained.mean()) / (float((steps**2).sum(axis=1).mean()) + SMALL**2)
