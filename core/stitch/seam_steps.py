@@ -5,10 +5,13 @@ Not in the papers. On each side of a seam, the values of its chart are extrapola
 Fine detail is extrapolated badly, so that a texture without steps seems to have one that changes
 from texel to texel. A real step, by light or color, continues along the seam or is larger than the
 detail. If one material is seen in two lights, both sides have the same detail; if two materials
-meet, they do not. Without detail, lights seldom differ as much in tint as materials do.
+meet, they do not. Without detail, lights seldom differ as much in tint as materials do, and all
+seams together tell whether the steps were designed (see `design`).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +21,7 @@ from ..elements.cut import Pieces
 from ..elements.matrices import TextureSpace
 from ..elements.surface_values import corner_values
 from ..mixture.cells import MeansAround
+from .design import DARK, SMALL, how_designed, steps_of
 
 _WIDE, _NEAR = 40.0, 6.0
 """Sizes of the cells, in texels, over which steps are averaged along a seam: for the lasting part,
@@ -36,19 +40,31 @@ _AGREEMENT_RAMP = 0.6, 0.95
 """Ramp of the share of detail that agrees: up to the first value both sides are different
 materials, from the second on the same."""
 
+_UNEXPLAINED_RAMP = 0.05, 0.3
+"""Ramp of the share of the squared steps along a seam that one factor or offset leaves: up to the
+first value it is detail that does not quite fit, from the second on the steps were designed."""
+
+_CONTRAST_RAMP = 1.6, 2.0
+"""Ramp of the ratio of the contrasts of both sides: up to the first value it may be haze, which
+takes up to two fifths of the contrast, from the second on the steps were designed."""
+
 _TINT, _LIGHT = 0.8, 1.3
 """Differences of the logarithms of both sides, between channels and of their mean, at which a step
 without detail is as likely to be of light as of materials. Lights of factors 0.6 to 1.35 differ by
 0.8, colors of a palette by 1 to 2 in tint."""
 
+_TINT_ADDED, _LIGHT_ADDED = 0.5, 0.8
+"""The same for differences of values, relative to the mean value, for light that is added."""
+
 _OF_ITSELF = 0.5
 """Share of these differences where a chart meets itself: it has one light for the most part."""
 
+_ALIKE = 0.05
+"""Share of these differences where steps were designed: what remains is at most an error of
+exposure."""
+
 _SAME_PLACE = 1e-3
 """Distance, in texels, up to which corners of one point in one chart are one side."""
-
-_DARK = 0.04
-"""Share of the mean value that is added before logarithms are taken."""
 
 _NOTHING = 1e-20
 
@@ -109,9 +125,13 @@ def clear_steps(
     group = _groups(number[seam], side[seam], of_itself)
     kept = _clear(steps, error, places, group)
     if same_material:
-        scale = np.where(of_itself == 0, 1.0, _OF_ITSELF)
         other = shown[seam] - 2.0 * steps
-        kept *= _same_material(shown[seam], other, error, places, group, scale)
+        both = _both_sides(shown[seam], other, error, places, group)
+        own = side[seam]
+        two = np.flatnonzero((of_itself == 0) & (seen[seam] == 2))
+        designed = _how_designed(both, two, np.column_stack([own, _neighbors(number[seam], own)]))
+        scale = np.where(of_itself == 0, 1.0 - (1.0 - _ALIKE) * designed, _OF_ITSELF)
+        kept *= _same_material(both, places, group, scale)
     clear = np.zeros_like(shown)
     clear[seam] = kept - steps
     found = np.where(believed[:, None], corners, np.nan)
@@ -147,37 +167,89 @@ def _clear(steps: Floats, error: Floats, places: Floats, group: npt.NDArray[np.i
     return share * lasting + _standing_out(near[:, 0], near[:, 1], 2) * rest
 
 
-def _same_material(
-    shown: Floats,
-    other: Floats,
-    error: Floats,
-    places: Floats,
-    group: npt.NDArray[np.intp],
-    scale: Floats,
-) -> Floats:
-    # How well the detail of both sides along the seam agrees, up to an offset and a factor: from 0
-    # to 1. Seams with little detail are judged by all seams; without detail, the step decides.
+class _Sides(NamedTuple):
+    # Both sides of seams, averaged over a few texels and over many.
+    near: tuple[Floats, Floats]  # (n, c) each
+    wide: tuple[Floats, Floats]
+    error: Floats  # (n,): squared error of the mean of both near sides
+    spread: float  # squared differences of all sides from their mean
+
+    @property
+    def error_of_steps(self) -> Floats:
+        # The errors of both sides are independent.
+        return 4.0 * self.error
+
+
+def _both_sides(
+    shown: Floats, other: Floats, error: Floats, places: Floats, group: npt.NDArray[np.intp]
+) -> _Sides:
     both = np.column_stack([shown, other])
     near = _averaged(np.column_stack([both, error]), places, group, _NEAR)
     wide = _averaged(both, places, group, _LONG)
     channels = shown.shape[1]
-    one, two = np.split(near[:, :-1] - wide, 2, axis=1)
     independent = np.clip(np.bincount(group)[group] / _INDEPENDENT[0], 1.0, _NEAR)
-    # `error` is half the squared error of a side, because the second differences it is measured by
-    # contain detail that both sides may share.
-    chance = near[:, -1] / independent + _FAINT**2 * both.var(axis=0).sum()
-    light = chance * _looks_like_light(wide[:, :channels], wide[:, channels:], scale)
+    return _Sides(
+        (near[:, :channels], near[:, channels:-1]),
+        (wide[:, :channels], wide[:, channels:]),
+        near[:, -1] / independent,
+        float(both.var(axis=0).sum()),
+    )
+
+
+def _how_designed(sides: _Sides, at: npt.NDArray[np.intp], charts: npt.NDArray) -> float:
+    near, wide = ((one[at], two[at]) for one, two in (sides.near, sides.wide))
+    return how_designed(near, wide, sides.error_of_steps[at], charts[at])
+
+
+def _same_material(
+    sides: _Sides, places: Floats, group: npt.NDArray[np.intp], scale: Floats
+) -> Floats:
+    # How well the detail of both sides along the seam agrees, up to an offset and a factor: from 0
+    # to 1. Seams with little detail are judged by all seams, the more the larger their steps are:
+    # a seam without a step tells nothing of light. Without detail, the step decides.
+    one, two = (near - wide for near, wide in zip(sides.near, sides.wide, strict=True))
+    # The error is half the squared error of a side, because the second differences it is measured
+    # by contain detail that both sides may share.
+    chance = sides.error + _FAINT**2 * sides.spread
+    light = chance * _looks_like_light(*sides.wide, scale)
     products = [(one * two).sum(axis=1), (one**2).sum(axis=1), (two**2).sum(axis=1)]
     energies = np.column_stack([*products, chance, light])
-    common, of_one, of_two, chance, light = _averaged(energies, places, group, _LONG).T
-    agreeing, own = _agreeing_and_own(common, of_one, of_two, chance, light)
-    agreeing_of_all, own_of_all = _agreeing_and_own(*energies.mean(axis=0)[:, None])
-    agreeing += agreeing_of_all
-    own += own_of_all
-    share = agreeing / (agreeing + own + _NOTHING)
-    return np.clip(
-        (share - _AGREEMENT_RAMP[0]) / (_AGREEMENT_RAMP[1] - _AGREEMENT_RAMP[0]), 0.0, 1.0
-    )[:, None]
+    agreeing, own = _agreeing_and_own(*_averaged(energies, places, group, _LONG).T)
+    weights = ((sides.wide[0] - sides.wide[1]) ** 2).sum(axis=1) + _NOTHING
+    agreeing, own = (each + weights @ each / weights.sum() for each in (agreeing, own))
+    same = _ramp(agreeing / (agreeing + own + _NOTHING), _AGREEMENT_RAMP)
+    same *= 1.0 - _ramp(_unexplained(sides, places, group), _UNEXPLAINED_RAMP)
+    return same[:, None]
+
+
+def _unexplained(sides: _Sides, places: Floats, group: npt.NDArray[np.intp]) -> Floats:
+    # The share of the squared steps along a seam that one factor, or one offset together with a
+    # moderate change of contrast, leaves.
+    level = float(np.abs(np.concatenate(sides.wide)).mean()) + _NOTHING
+    factors, offsets = steps_of(sides.near, sides.error_of_steps, level)
+    one, two = (each / level for each in sides.near)
+    channels = one.shape[1]
+    columns = np.column_stack([factors[0], one, two])
+    energies = [(each**2).sum(axis=1) for each in (factors[0], one, two)]
+    energies += [(one * two).sum(axis=1), (offsets[0] ** 2).sum(axis=1), factors[1], offsets[1]]
+    means = _averaged(np.column_stack([columns, *energies]), places, group, _LONG)
+    of_factors, of_one, of_two = np.split(means[:, : 3 * channels], 3, axis=1)
+    by_factors, a, b, common, by_offsets, error, error_of_offsets = means[:, 3 * channels :].T
+    left = by_factors - (of_factors**2).sum(axis=1) - error
+    a = np.maximum(a - (of_one**2).sum(axis=1), _NOTHING)
+    b = np.maximum(b - (of_two**2).sum(axis=1), _NOTHING)
+    contrast = 0.5 * np.log(a / b)
+    contrast = np.exp(contrast * (1.0 - _ramp(np.exp(np.abs(contrast)), _CONTRAST_RAMP)))
+    common = common - (of_one * of_two).sum(axis=1)
+    left_by_offsets = a / contrast + b * contrast - 2.0 * common - error_of_offsets
+    return np.minimum(
+        np.maximum(left, 0.0) / (by_factors + SMALL**2),
+        np.maximum(left_by_offsets, 0.0) / (by_offsets + SMALL**2),
+    )
+
+
+def _ramp(values: Floats, between: tuple[float, float]) -> Floats:
+    return np.clip((values - between[0]) / (between[1] - between[0]), 0.0, 1.0)
 
 
 def _agreeing_and_own(
@@ -190,13 +262,21 @@ def _agreeing_and_own(
 
 
 def _looks_like_light(one: Floats, two: Floats, scale: Floats) -> Floats:
-    # How likely two plain sides are one color in two lights, from 0 to 1. `scale` multiplies the
-    # differences at which materials are as likely.
-    dark = _DARK * np.abs(np.concatenate([one, two])).mean() + _NOTHING
-    apart = np.log(np.maximum(one, 0.0) + dark) - np.log(np.maximum(two, 0.0) + dark)
-    light = apart.mean(axis=1)
-    tint = np.sqrt(((apart - light[:, None]) ** 2).sum(axis=1))
-    likely: Floats = 1.0 / (1.0 + (tint / scale / _TINT) ** 4 + (light / scale / _LIGHT) ** 4)
+    # How likely two plain sides are one color in two lights, from 0 to 1, by a factor or an offset.
+    # `scale` multiplies the differences at which materials are as likely.
+    level = np.abs(np.concatenate([one, two])).mean() + _NOTHING
+    dark = DARK * level
+    factors = np.log(np.maximum(one, 0.0) + dark) - np.log(np.maximum(two, 0.0) + dark)
+    return np.maximum(
+        _likely(factors, _TINT * scale, _LIGHT * scale),
+        _likely((one - two) / level, _TINT_ADDED * scale, _LIGHT_ADDED * scale),
+    )
+
+
+def _likely(apart: Floats, tint: Floats, light: Floats) -> Floats:
+    mean = apart.mean(axis=1)
+    rest = np.sqrt(((apart - mean[:, None]) ** 2).sum(axis=1))
+    likely: Floats = 1.0 / (1.0 + (rest / tint) ** 6 + (mean / light) ** 6)
     return likely
 
 
@@ -241,6 +321,12 @@ def _groups(
     others = np.bincount(point, np.sqrt(side + 2.0))[point]
     keys = np.column_stack([side, np.round(others, 6), of_itself])
     found: npt.NDArray[np.intp] = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    return found
+
+
+def _neighbors(point: npt.NDArray[np.intp], side: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    # The chart on the other side of each point that has two sides.
+    found: npt.NDArray[np.int64] = np.bincount(point, side)[point].astype(np.int64) - side
     return found
 
 

@@ -9,7 +9,7 @@ from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.elements.multigrid import SheetSolver
-from shock_filter.core.stitch import light, stitching
+from shock_filter.core.stitch import design, light, stitching
 
 
 def picture(n, channels=3):
@@ -528,7 +528,7 @@ def test_plain_colors_of_a_palette_stay_and_one_color_in_many_lights_becomes_one
     found = core.stitch_textures(mesh, uv, image + grain)
     assert np.abs(found - image - grain)[atlas.inside].mean() < 0.01
     color = np.array([0.45, 0.35, 0.25])
-    for lights in (rng.uniform(0.6, 1.35, (4, 1)), rng.uniform(0.75, 1.25, (4, 3))):
+    for lights in (rng.uniform(0.6, 1.35, (16, 1)), rng.uniform(0.75, 1.25, (16, 3))):
         mesh, uv, image, atlas = of_colors(color * lights)
         auto, everything = (
             core.stitch_textures(
@@ -540,9 +540,90 @@ def test_plain_colors_of_a_palette_stay_and_one_color_in_many_lights_becomes_one
         assert moved[0] > 0.9 * moved[1] > 0.02
 
 
+def test_plain_grays_that_charts_share_stay_and_one_gray_in_many_lights_becomes_one():
+    mesh, uv, image, atlas = of_colors([[0.8]] * 5 + [[0.45]] + [[0.8]] * 6 + [[0.45]] * 4)
+    found = core.stitch_textures(mesh, uv, image)
+    assert np.abs(found - image)[atlas.inside].max() < 0.01
+    lights = np.random.default_rng(2).uniform(0.6, 1.35, (16, 1))
+    mesh, uv, image, atlas = of_colors(0.6 * lights)
+    found = core.stitch_textures(mesh, uv, image, core.StitchSettings(radius=1e5))
+    assert np.ptp(found[atlas.inside]) < 0.2 * np.ptp(image[atlas.inside])
+
+
+def test_plain_charts_that_differ_by_offsets_become_one():
+    offsets = np.random.default_rng(2).uniform(-0.1, 0.1, (16, 1))
+    mesh, uv, image, atlas = of_colors(np.array([0.2, 0.25, 0.4]) + offsets)
+    settings = core.StitchSettings(radius=1e5, even_out="difference")
+    found = core.stitch_textures(mesh, uv, image, settings)
+    assert np.ptp(found[atlas.inside], axis=0).max() < 0.05
+
+
+def test_two_plain_charts_stay_as_their_step_may_be_by_design():
+    mesh, uv, image = of_strip(0.3)
+    image = np.where(image[..., 2:] == 0, 0.45, 0.8).astype(np.float32).repeat(3, axis=2)
+    inside = core.TextureAtlas(mesh, uv, size=image.shape[:2]).inside
+    assert np.abs(core.stitch_textures(mesh, uv, image) - image)[inside].max() < 0.01
+
+
+def seams_of(lights, size=50):
+    """Steps along all seams of a ring of charts, seen from both sides, and their charts."""
+    one = np.repeat(np.arange(len(lights)), size)
+    other = np.repeat(np.roll(np.arange(len(lights)), -1), size)
+    charts = np.concatenate([np.stack([one, other]), np.stack([other, one])], axis=1).T
+    return lights[charts[:, 0]], lights[charts[:, 1]], charts
+
+
+def how_designed(one, two, charts):
+    return design.how_designed((one, two), (one, two), np.zeros(len(one)), charts)
+
+
+def test_one_light_a_chart_is_told_from_designed_colors():
+    lights = np.random.default_rng(3).uniform(0.6, 1.35, (12, 1))
+    one, two, charts = seams_of(lights)
+    assert how_designed(one, two, charts) < 0.05
+    # Few shades, which many charts share.
+    assert how_designed(*seams_of(np.where(np.arange(12) < 9, 0.8, 0.4)[:, None])) > 0.95
+    # A border that runs along a half of each seam.
+    half = np.arange(len(one)) % 50 < 25
+    one[half], two[half] = 0.8, 0.8
+    assert how_designed(one, two, charts) > 0.95
+    # Two charts, which tell nothing.
+    assert how_designed(*seams_of(lights[:2])) == 1.0
+
+
+def test_the_lights_of_charts_are_those_that_explain_the_steps():
+    rng = np.random.default_rng(4)
+    one, other = np.triu_indices(9, 1)
+    lengths, lights = rng.integers(1, 90, len(one)), rng.standard_normal((9, 2))
+    lights -= lights.mean(axis=0)
+    sums = (lights[one] - lights[other]) * lengths[:, None]
+    found = design._lights(one, other, lengths, sums, 9)
+    assert np.abs(found - found.mean(axis=0) - lights).max() < 1e-3
+
+
+def test_steps_that_change_along_a_seam_stay():
+    # Both sides show the same stripes, but with more than twice the contrast on one.
+    vertices, faces = grid(2, 1)
+    column = vertices[:, 0].astype(int)
+    mesh = core.TriangleMesh(vertices * [40.0, 80.0, 1.0], faces)
+    right = column[faces].min(axis=1)[:, None]
+    uv = np.stack([4 + 50 * right + 40 * (column[faces] - right), 8 + 80 * vertices[faces][..., 1]],
+                  axis=-1) / 100  # fmt: skip
+    stripes = np.cos(np.arange(100) / 8.0)[:, None]
+    inside = core.TextureAtlas(mesh, uv, size=(100, 100)).inside
+    settings = core.StitchSettings(even_out="difference")
+    changes = []
+    for contrast in (0.15, 0.4):
+        image = np.where(np.arange(100) < 49, 0.5 + contrast * stripes, 0.45 + 0.15 * stripes)
+        image = image[..., None].astype(np.float32)
+        found = core.stitch_textures(mesh, uv, image, settings)
+        changes.append(np.abs(found - image)[inside].mean())
+    assert changes[1] < 0.1 * changes[0]
+
+
 def test_plain_colors_stay_more_the_farther_apart_they_are_without_jumps():
     moved = []
-    for size in np.linspace(0.1, 1.6, 16):
+    for size in np.linspace(0.1, 1.6, 31):
         logs = size * np.array([[1.0, 0.0, -1.0], [-0.6, 1.0, 0.0], [0.0, -1.0, 0.7], [0, 0, 0]])
         mesh, uv, image, atlas = of_colors(0.4 * np.exp(0.5 * logs))
         auto, everything = (
@@ -566,7 +647,9 @@ def test_one_material_in_many_lights_becomes_one(kind):
         core.stitch_textures(mesh, blocks.uv, broken, core.StitchSettings(seams=seams))
         for seams in ("auto", "continue")
     )
-    assert (auto == all_of_them).all()
+    moved = [np.abs(each - broken).mean() for each in (auto, all_of_them)]
+    assert np.abs(auto - all_of_them).mean() < 0.03 * moved[1]
+    assert 0.97 < moved[0] / moved[1] < 1.03
 
 
 def test_how_far_sides_agree_grows_without_jumps():
