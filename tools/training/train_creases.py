@@ -159,25 +159,33 @@ def train(rows: dict[str, np.ndarray], epochs: int = EPOCHS, log=print) -> dict[
 
 def train_gate(learned, aside, network: Network, epochs: int, log) -> Network:
     """Train the gate to predict, from the features of `TOLD_FIRST`, which faces a mixture turns."""
-    told, turns = learned["told"][:, TOLD_FIRST], turns_of(network, learned)
+    told, turns = told_first(learned), turns_of(network, learned)
     wanted = np.where(turns > TURNS, 1 + turns / 5, 0).astype(np.float32)
-    gate = adam.trained_gate(np.ascontiguousarray(told), wanted, GATE, epochs, log=log)
+    gate = adam.trained_gate(told, wanted, GATE, epochs, log=log)
     # Shifts the threshold so that the allowed share of turns is missed.
-    scores = gate.scores(np.ascontiguousarray(told))[:, 0]
+    scores = gate.scores(told)[:, 0]
     order = np.argsort(scores)
     missed = np.cumsum(np.where(wanted > 0, turns, 0)[order])
     last = max(int(np.searchsorted(missed, MISSED * max(missed[-1], 1e-12))), 0)
     shift = gate.shifts[-1] - scores[order[min(last, len(order) - 1)]]
     gate = replace(gate, shifts=(*gate.shifts[:-1], shift.astype(np.float32)))
     if len(aside["kind"]):
-        told, turns = aside["told"][:, TOLD_FIRST], turns_of(network, aside)
-        passed = gate.scores(np.ascontiguousarray(told))[:, 0] > 0
+        turns = turns_of(network, aside)
+        passed = gate.scores(told_first(aside))[:, 0] > 0
         for kind in np.unique(aside["kind"]):
             at = aside["kind"] == kind
             log(f"gate {kind.decode():24s} {passed[at].mean():5.1%}")
         missed = turns[~passed & (turns > TURNS)].sum() / max(turns.sum(), 1e-12)
         log(f"gate: {passed.mean():.1%} of the faces pass, {missed:.2%} of the turns are missed")
     return gate
+
+
+def told_first(rows: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the features that the gate sees."""
+    found = np.empty((len(rows["told"]), len(TOLD_FIRST)), np.float32)
+    for first in range(0, len(found), PIECE):  # indexing all at once would need twice the memory
+        found[first : first + PIECE] = rows["told"][first : first + PIECE][:, TOLD_FIRST]
+    return found
 
 
 def turns_of(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
