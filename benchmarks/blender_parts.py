@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random parts of booleans and bevels out of Blender's voxel remesh, and the edges of a notch.
+"""Random parts and letters out of Blender's voxel remesh, and the edges of a notch.
 
 Needs bpy. Errors are mean degrees between faces' normals and those of the nearest place of the
 part as it was designed, or of another one within 0.05 edges of that; by area. None of these parts
@@ -25,10 +25,20 @@ Floats = npt.NDArray[np.float64]
 Triangles = npt.NDArray[np.int32]
 
 FIRST_SEED = 900_000
-COUNTS = {"part": 40, "fillets": 24, "figure on a part": 10, "round": 10}
+PRESERVED = ", volume preserved"
+"""Kinds with this ending are remeshed by the operator with *Preserve Volume*, its default; others
+by the modifier, which does not have it."""
+
+COUNTS = {"part": 40, "fillets": 24, "figure on a part": 10, "round": 10,
+          f"part{PRESERVED}": 40, f"fillets{PRESERVED}": 24, "letters": 24,
+          f"letters{PRESERVED}": 24, f"letters, round edges{PRESERVED}": 24}  # fmt: skip
 VOXELS = 0.022, 0.085
 FACES = 2000, 120_000
 """Parts are about two wide; remeshes of fewer or more faces are left out."""
+
+WORDS = "Shock", "Filter", "Rag 85", "&@S?", "Mix", "gyre"
+LETTER_VOXELS = 0.01, 0.03
+"""Letters are about 0.7 high."""
 
 NOTCH = {"concave": (0.5, 0.2), "convex": (0.5, 0.5)}
 """Edges along y, by x and z: a box, (2, 1.4, 1) wide, from which a corner is cut."""
@@ -67,11 +77,16 @@ class Part:
         return int((cosines < np.cos(np.radians(150.0))).sum()) // 2
 
 
-def remeshed(obj: bpy.types.Object, turn: Euler, voxel: float) -> Part:
+def remeshed(obj: bpy.types.Object, turn: Euler, voxel: float, preserved: bool = False) -> Part:
     """Rotate the evaluated object, and remesh it with voxels of the given size."""
     apply(obj)
     obj.data.transform(turn.to_matrix().to_4x4())
     design = arrays(obj.data)
+    if preserved:
+        bpy.context.view_layer.objects.active = obj
+        obj.data.remesh_voxel_size, obj.data.use_remesh_preserve_volume = voxel, True
+        bpy.ops.object.voxel_remesh()
+        return Part(*arrays(obj.data), design)
     modifier = obj.modifiers.new("Remesh", "REMESH")
     modifier.mode, modifier.voxel_size, modifier.adaptivity = "VOXEL", voxel, 0.0
     apply(obj)
@@ -100,8 +115,13 @@ def random_part(kind: str, seed: int) -> Part:
     """Make a part of a kind of `COUNTS` from a seed."""
     rng = np.random.default_rng(seed)
     bpy.ops.wm.read_homefile(use_empty=True)
-    voxel = float(np.exp(rng.uniform(*np.log(VOXELS))))
-    if kind == "round":
+    preserved = kind.endswith(PRESERVED)
+    kind = kind.removesuffix(PRESERVED)
+    with_letters = kind.startswith("letters")
+    voxel = float(np.exp(rng.uniform(*np.log(LETTER_VOXELS if with_letters else VOXELS))))
+    if with_letters:
+        obj = _letters(rng, voxel if kind.endswith("round edges") else 0.0)
+    elif kind == "round":
         obj = _round(rng)
     else:
         obj = simple(rng, rng.uniform(1.3, 1.9))
@@ -117,7 +137,17 @@ def random_part(kind: str, seed: int) -> Part:
             figure.location = 0, 0, 0.6
             combine(obj, figure, "UNION")
     turn = Euler(rng.uniform(0, 2 * np.pi, 3) if rng.random() < 0.6 else (0, 0, 0))
-    return remeshed(obj, turn, voxel)
+    return remeshed(obj, turn, voxel, preserved)
+
+
+def _letters(rng: np.random.Generator, voxel: float) -> bpy.types.Object:
+    # Extruded text; with a voxel size, with roundings of 1 to 6 voxels along its edges.
+    bpy.ops.object.text_add()
+    text = bpy.context.object.data
+    text.body, text.extrude = str(rng.choice(WORDS)), float(rng.uniform(0.05, 0.2))
+    text.bevel_depth = voxel * float(np.exp(rng.uniform(0, np.log(6)))) if voxel else 0.0
+    bpy.ops.object.convert(target="MESH")
+    return bpy.context.object
 
 
 def combine(obj, other, operation: str) -> None:

@@ -62,22 +62,18 @@ def how_designed(
     Returns
     -------
     float
-        From 0 for lights that differ to 1 for colors that do; 1 if there are only two charts, whose
-        difference may be either.
+        From 0 for lights that differ to 1 for colors that do.
     """
     if len(charts) == 0:
         return 0.0
-    numbers, charts = np.unique(charts, return_inverse=True)
-    charts = charts.reshape(-1, 2)
-    lengths = np.bincount(charts[:, 0], minlength=len(numbers)).astype(np.float64)
-    many = max(lengths.sum() ** 2 / (lengths**2).sum() - 1.0, 1.0)
+    charts = np.unique(charts, return_inverse=True)[1].reshape(-1, 2)
     level = np.abs(np.concatenate(wide)).mean() + _NOTHING
     squares = ((_logarithms(wide[0], level) - _logarithms(wide[1], level)) ** 2).sum(axis=1)
     fitting = 1.0 / (1.0 + (squares / (_NO_STEP**2 * squares.mean() + _NOTHING)) ** 2)
     left = min(_unexplained(steps, off, charts) for steps, off in steps_of(near, error, level))
     likely = 1.0 - _ramp(float(fitting.mean()), _FITTING_RAMP)
     likely *= 1.0 - _ramp(left, _UNEXPLAINED_RAMP)
-    return 1.0 - likely * (1.0 - 1.0 / many**2)
+    return 1.0 - likely
 
 
 def steps_of(

@@ -558,13 +558,6 @@ def test_plain_charts_that_differ_by_offsets_become_one():
     assert np.ptp(found[atlas.inside], axis=0).max() < 0.05
 
 
-def test_two_plain_charts_stay_as_their_step_may_be_by_design():
-    mesh, uv, image = of_strip(0.3)
-    image = np.where(image[..., 2:] == 0, 0.45, 0.8).astype(np.float32).repeat(3, axis=2)
-    inside = core.TextureAtlas(mesh, uv, size=image.shape[:2]).inside
-    assert np.abs(core.stitch_textures(mesh, uv, image) - image)[inside].max() < 0.01
-
-
 def seams_of(lights, size=50):
     """Steps along all seams of a ring of charts, seen from both sides, and their charts."""
     one = np.repeat(np.arange(len(lights)), size)
@@ -587,8 +580,8 @@ def test_one_light_a_chart_is_told_from_designed_colors():
     half = np.arange(len(one)) % 50 < 25
     one[half], two[half] = 0.8, 0.8
     assert how_designed(one, two, charts) > 0.95
-    # Two charts, which tell nothing.
-    assert how_designed(*seams_of(lights[:2])) == 1.0
+    # One factor explains any two charts.
+    assert how_designed(*seams_of(lights[:2])) < 0.05
 
 
 def test_the_lights_of_charts_are_those_that_explain_the_steps():

@@ -214,7 +214,8 @@ def profiled(rng, h) -> Solid:
 def lettered(rng, h) -> Solid:
     """Make extruded outlines like letters and emblems: curved, with crisp, beveled or round rims.
 
-    Bevels and roundings are 0.7 to 6 voxels wide. Distances are exact where outlines do not cross.
+    Bevels and roundings are 2 to 7 voxels wide: narrower bevels look like what remeshers leave of
+    crisp edges. Distances are exact where outlines do not cross.
     """
     flat = _curve(rng)
     for _ in range(rng.integers(0, 3)):
@@ -250,14 +251,14 @@ def _curve(rng):
 
 def _section(rng, half, h):
     # The outline of a rim, in the plane of the distance to the flat shape and the height.
-    size = min(h * np.exp(rng.uniform(np.log(0.7), np.log(6))), 0.9 * half)
+    size = min(h * np.exp(rng.uniform(np.log(2), np.log(7))), 0.9 * half)
     kind = rng.random()
     edge = np.zeros((1, 2))
-    if kind > 0.75:  # round
+    if kind > 0.85 and size > 1.9 * h:  # round
         a = np.linspace(0, np.pi / 2, 9)[:, None]
         edge = size * np.concatenate([np.cos(a) - 1, np.sin(a) - 1], 1)
-    elif kind > 0.5:  # beveled
-        edge = size * np.array([[0, -rng.uniform(0.6, 1.6)], [-1, 0]])
+    elif kind > 0.75 and size > 1.9 * h:  # beveled
+        edge = size * np.array([[0, -rng.uniform(0.8, 1.4)], [-1, 0]])
         edge[0, 1] = max(edge[0, 1], -0.9 * half)
     high = edge + (0, half)
     low = (edge if rng.random() < 0.7 else np.zeros((1, 2))) + (0, half)

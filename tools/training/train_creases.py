@@ -12,6 +12,7 @@ import argparse
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +51,9 @@ GATE = (24,)
 EPOCHS, GATE_EPOCHS = 10, 3
 KEPT_ASIDE = 12
 """One mesh in this many is for validation, not for training."""
+
+BLOCK = 256
+"""Number of meshes whose training data are one block of memory."""
 
 PIECE = 1 << 18
 """Number of rows per call of a network."""
@@ -119,15 +123,39 @@ def errors(network: Network, rows: dict[str, np.ndarray]) -> tuple[np.ndarray, n
 
 
 def gathered(paths: list[Path], processes: int) -> dict[str, np.ndarray]:
-    if processes == 1:
-        found = [table(path) for path in paths]
-    else:
-        with ProcessPoolExecutor(processes) as pool:
-            found = list(pool.map(table, paths, chunksize=16))
-    # The validation set comes last, so that both sets are views of one array.
-    found = [rows for rows in found if rows is not None]
-    found.sort(key=lambda rows: bool(rows["aside"].any()))
-    return {name: np.concatenate([rows.pop(name) for rows in found]) for name in list(found[0])}
+    """Compute the training data of all meshes; the validation set comes last."""
+    learned, aside = _Rows(), _Rows()
+    with ExitStack() as stack:
+        found = map(table, paths)
+        if processes > 1:
+            pool = stack.enter_context(ProcessPoolExecutor(processes))
+            found = pool.map(table, paths, chunksize=16)
+        for rows in found:
+            if rows is not None:
+                (aside if rows["aside"].any() else learned).append(rows)
+    return together(learned.blocks() + aside.blocks())
+
+
+class _Rows:
+    # Collects small arrays in large blocks, whose memory the system gets back when they are freed.
+
+    def __init__(self) -> None:
+        self._large: list[dict[str, np.ndarray]] = []
+        self._small: list[dict[str, np.ndarray]] = []
+
+    def append(self, rows: dict[str, np.ndarray]) -> None:
+        self._small.append(rows)
+        if len(self._small) == BLOCK:
+            self._large.append(together(self._small))
+            self._small = []
+
+    def blocks(self) -> list[dict[str, np.ndarray]]:
+        return self._large + self._small
+
+
+def together(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Concatenate arrays of the same names, which are removed from the parts."""
+    return {name: np.concatenate([rows.pop(name) for rows in parts]) for name in list(parts[0])}
 
 
 def chosen(rows: dict[str, np.ndarray], which: slice | np.ndarray) -> dict[str, np.ndarray]:
