@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ...core.base.memo import equal
 from ...core.host import forgetting
-from . import arrays, shown, strokes
+from . import arrays, shown
 from .chosen import subjects
 from .image import images, mixing, textures
 from .image.tiles import Tiles
@@ -352,7 +352,6 @@ def swap(context: bpy.types.Context) -> str:
     """
     global _state, _last, _swaps
     check_leaving(context)
-    strokes.keep(context)
     with object_mode(context):
         states = [each.state() for each in _held]
         for each, found in zip(_held, states, strict=True):
