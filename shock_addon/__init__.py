@@ -12,7 +12,7 @@ from bpy.app.handlers import persistent
 from ..core.host import forgetting
 from . import data
 from .commands import registration as command
-from .data import shown
+from .data import shown, strokes
 from .flow import marking
 from .flow import operator as flow_operator
 from .flow import showing as flow_shown
@@ -106,6 +106,7 @@ def _handlers() -> list[tuple]:
         (handlers.save_pre, _keep_changes),
         (handlers.load_post, _read_changes),
         (handlers.undo_post, _note_undo),
+        (handlers.undo_post, strokes.note_step),
         (handlers.redo_post, _note_redo),
         (handlers.undo_pre, shown.note),
         (handlers.undo_post, shown.restore),
@@ -166,6 +167,7 @@ def unregister() -> None:
     jobs.stop_all()
     flow_shown.hide()
     automatic.stop()
+    strokes.forget_step()
     for handlers, function in _handlers():
         if function in handlers:  # other add-ons may clear these lists
             handlers.remove(function)

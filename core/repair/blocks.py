@@ -134,7 +134,7 @@ def remove_blocks(
             found = None if settings.strength == 0 else compression_of(pixels)
         if found is None:
             if settings.strength > 0:
-                tell("There are no blocks of JPEG compression; the image stays as it is.")
+                tell("There are no blocks of JPEG compression.")
             return given.copy()
         tell("Blocks of JPEG compression of quality {quality:.0f}.", quality=found.quality)
         with phase(0.2, 1.0, "Removing blocks"):

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         replaced,
         shown,
         skipped,
+        strokes,
         views,
     )
 

@@ -326,6 +326,8 @@ class FilterOperator(ModalJob):
     def _write_and_tell(self, context: bpy.types.Context, results: list[Any]) -> set[str]:
         from . import statistics
 
+        if "UNDO" in self.bl_options:
+            data.strokes.keep(context)
         written, skipped = self.write(context, results)
         skipped = self._skipped + skipped
         if not written:

@@ -134,6 +134,7 @@ shock_filter.unregister()
         "core.settings",
         "shock_addon.data.shown",
         "shock_addon.data.skipped",
+        "shock_addon.data.strokes",
         "shock_addon.data.views",
     ]
     # With nothing selected, menus and panels ask what could be run.

@@ -69,6 +69,17 @@ def test_normals_in_object_space_are_repaired_as_values(sheet):
     assert np.abs(read("Normals repaired") - ramp())[20:40, 24:36].max() < 0.03
 
 
+def test_the_report_says_that_there_are_no_blocks_but_not_that_nothing_changes(sheet, capfd):
+    pixels = ramp()
+    pixels[..., :3] = 0.5 + 0.3 * np.tanh(np.linspace(-12.0, 12.0, SIZE))[None, :, None]
+    sheet.image = add_image("Soft", pixels)
+    assert filters.repair_texture() == {"FINISHED"}
+    said = capfd.readouterr().out
+    assert (read("Soft repaired") != read("Soft")).any()
+    assert "There are no blocks of JPEG compression. " in said
+    assert "stays" not in said
+
+
 def test_a_mask_says_what_is_missing(sheet):
     pixels = ramp()
     pixels[20:40, 24:36, :3] = 0.9

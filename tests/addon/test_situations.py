@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter.core.host.inputs import MirrorPlane
+from shock_filter.shock_addon.data import arrays
 from shock_filter.shock_addon.data.mesh import shape_keys
 from shock_filter.shock_addon.data.mesh.meshes import (
     read_corner_vertices,
@@ -478,6 +479,43 @@ def test_undo_modes(rounded_box, mode):
     box = bpy.data.objects[name]
     assert box.mode == mode
     assert not moved(box, before).any()
+
+
+@pytest.mark.parametrize("mode", ["SCULPT", "VERTEX_PAINT"])
+def test_undo_strokes(rounded_box, mode):
+    name = rounded_box().name
+
+    def values():
+        mesh = bpy.data.objects[name].data
+        kind = mesh.attributes["position"], mesh.color_attributes.active_color
+        return arrays.read_attribute(kind[mode == "VERTEX_PAINT"])
+
+    mesh = bpy.data.objects[name].data
+    paint = mesh.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    x = read_positions(mesh)[:, :1]
+    arrays.write_attribute(paint, (0.5 + 0.4 * np.tanh(3.0 * x)).repeat(4, axis=1))
+    mesh.color_attributes.active_color = paint
+    bpy.ops.object.mode_set(mode=mode)
+    bpy.ops.ed.undo_push(message="Mode")
+    if mode == "SCULPT":  # as strokes, these add steps that hold their changes only
+        bpy.ops.paint.mask_flood_fill("EXEC_DEFAULT", True, mode="VALUE", value=0.5)
+        run = partial(sharpen, "EXEC_DEFAULT", True)
+    else:
+        bpy.ops.paint.vertex_color_brightness_contrast("EXEC_DEFAULT", True, brightness=10.0)
+        run = partial(bpy.ops.shock_filter.sharpen_colors, "EXEC_DEFAULT", True)
+    before = values()
+    run()
+    after = values()
+    assert (after != before).any()
+    bpy.ops.shock_filter.before_after("EXEC_DEFAULT", True)
+    assert (values() == before).all()
+    bpy.ops.ed.undo()
+    assert (values() == after).all()
+    bpy.ops.ed.undo()
+    box = bpy.data.objects[name]
+    assert box.mode == mode
+    assert (values() == before).all()
+    assert (".sculpt_mask" in box.data.attributes) == (mode == "SCULPT")
 
 
 # ------------------------------------------------------------------------------------------ masks

@@ -27,6 +27,17 @@ def test_dragging_a_number_after_the_run_filters_again(report):
     assert seen["undone"] == report["start"]
 
 
+def test_a_run_after_painting_is_repeated_and_undone_as_others_are(report):
+    seen = report["painted"]
+    assert seen["start"]["mode"] == "VERTEX_PAINT"
+    assert seen["start"]["colors"] != report["start"]["colors"]
+    assert len({seen[step]["colors"] for step in ("start", "first", "dragged")}) == 3
+    assert seen["undone"] == seen["start"]
+    step, painting = seen["undone_further"]
+    assert step == seen["start"]
+    assert painting == {**report["start"], "mode": "VERTEX_PAINT"}
+
+
 def test_a_folded_section_opens_and_its_numbers_work(report):
     seen = report["section"]
     folded, unfolded = seen["numbers"]

@@ -41,7 +41,7 @@ def scenario() -> Steps:
     yield from park()
     bpy.ops.ed.undo_push(message="Start")
     report["start"] = state()
-    yield from drag_in_last_operators_panel()
+    yield from drag_in_last_operators_panel("redo_panel")
     yield from drag_in_folded_section()
     yield from search()
     for mode, operator, settings in (
@@ -51,14 +51,15 @@ def scenario() -> Steps:
     ):
         report[mode] = {}
         yield from in_mode(mode, operator, settings, report[mode])
+    yield from after_painting()
     yield from from_menu()
     yield from from_preset()
     yield from repeat_on_image()
 
 
-def drag_in_last_operators_panel() -> Steps:
+def drag_in_last_operators_panel(name: str) -> Steps:
     """Run, open what F9 opens, drag the number on top (the amount), and undo."""
-    seen = report["redo_panel"] = {}
+    seen = report[name] = {"start": state()}
     run("sharpen_colors")
     yield from finished()
     seen["first"] = state()
@@ -153,6 +154,23 @@ def in_mode(mode: str, operator: str, settings: dict, seen: dict) -> Steps:
     yield from press("ctrl+z")
     with over():
         bpy.ops.object.mode_set(mode="OBJECT")
+    yield DRAWN
+
+
+def after_painting() -> Steps:
+    """Change colors in Vertex Paint Mode, run as before, and undo both."""
+    with over():
+        bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+        bpy.ops.ed.undo_push(message="Mode")
+        bpy.ops.paint.vertex_color_brightness_contrast("EXEC_DEFAULT", True, brightness=20.0)
+    yield from drag_in_last_operators_panel("painted")
+    undone = report["painted"]["undone_further"] = []
+    for _ in range(2):
+        yield from press("ctrl+z")
+        undone.append(state())
+    with over():
+        bpy.ops.object.mode_set(mode="OBJECT")
+        bpy.ops.ed.undo_push(message="Mode")
     yield DRAWN
 
 
