@@ -72,7 +72,7 @@ ELSEWHERE = {
     "linked-mesh": "test_sharpen_geometry.py::test_linked_meshes_are_skipped",
     "bad-among-good": "test_sharpen_geometry.py::test_a_bad_mesh_does_not_stop_the_good_one",
     "nothing-selected": "test_sharpen_geometry.py::test_nothing_selected_greys_the_button_out",
-    "scale": "test_sharpen_geometry.py::test_lengths_are_measured_after_the_object_scale",
+    "scale": "test_uneven_scale.py::test_both_kinds_at_once_become_what_they_become_without_scale",
     "scale-uniform": "test_sharpen_geometry.py::test_uniform_scale_changes_nothing",
     "scale-zero": "test_sharpen_geometry.py::test_a_scale_of_zero_is_named",
     # Meshes

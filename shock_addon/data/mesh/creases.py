@@ -46,11 +46,12 @@ def read_creases(
         Of the weakest creases, in radians.
     """
     mesh = obj.data
+    positions, triangles = meshes.read_positions(mesh), meshes.read_triangles(mesh)
     return None, MirroredSurface(
-        positions=meshes.read_positions(mesh),
-        triangles=meshes.read_triangles(mesh),
+        positions=positions,
+        triangles=triangles,
         mask=color_mask(obj, mode, "POINT", parameters)[0],
-        to_world=meshes.lengths_in_world(obj),
+        to_world=meshes.lengths_of_shape(obj, positions, triangles),
         mirror=(False, False, False),
         planes=(),
         sharp_angle=math.degrees(angle),
