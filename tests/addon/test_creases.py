@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators Mark Creases, Show Creases and Hide Creases, and the marks of sharpening."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 from shock_filter.core.host.creases import creases_of
 from shock_filter.shock_addon.data.mesh.creases import ANGLE, LINE, read_creases
 from shock_filter.shock_addon.data.mesh.meshes import read_positions
@@ -88,6 +90,71 @@ def test_curves_lie_where_the_lines_are(rounded_box):
     assert curves.matrix_world.translation.x == 3.0
     points = [tuple(p.co[:3]) for spline in curves.data.splines for p in spline.points]
     assert set(points) <= {tuple(row) for row in read_positions(box.data).tolist()}
+
+
+def curves_of(box):
+    mark_creases(output="CURVES")
+    (curves,) = [obj for obj in bpy.data.objects if obj.type == "CURVE"]
+    return curves
+
+
+def at_some_frames(*objects):
+    for frame in (1, 4, 9):
+        bpy.context.scene.frame_set(frame)
+        yield [np.array(obj.matrix_world) for obj in objects]
+
+
+def test_curves_follow_parent_and_animation(rounded_box):
+    box = rounded_box(location=(1.0, 0.0, 0.0))
+    parent = bpy.data.objects.new("Parent", None)
+    bpy.context.collection.objects.link(parent)
+    box.parent = parent
+    box.matrix_parent_inverse = Matrix.Translation((0.0, 2.0, 0.0))
+    box.delta_scale = (1.0, 1.0, 2.0)
+    parent.rotation_euler.z = 0.5
+    for obj in (box, parent):
+        obj.keyframe_insert("location", frame=1)
+        obj.location.z += 3.0
+        obj.keyframe_insert("location", frame=9)
+    box.driver_add("rotation_euler", 0).driver.expression = "0.1 * frame"
+    curves = curves_of(box)
+    assert curves.parent == parent
+    places = list(at_some_frames(box, curves))
+    for place, of_curves in places:
+        np.testing.assert_array_equal(of_curves, place)
+    assert all((first != second).any() for (first, _), (second, _) in pairwise(places))
+
+
+def test_curves_follow_constraints_and_bones(rounded_box):
+    box = rounded_box()
+    goal = bpy.data.objects.new("Goal", None)
+    bones = bpy.data.objects.new("Bones", bpy.data.armatures.new("Bones"))
+    for obj in (goal, bones):
+        bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = bones
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = bones.data.edit_bones.new("Arm")
+    bone.tail = (0.0, 1.0, 0.5)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.objects.active = box
+    box.parent, box.parent_type, box.parent_bone = bones, "BONE", "Arm"
+    box.constraints.new("COPY_ROTATION").target = goal
+    curves = curves_of(box)
+    bones.pose.bones["Arm"].location = (1.0, 2.0, 3.0)
+    goal.rotation_euler = (0.1, 0.2, 0.3)
+    bpy.context.view_layer.update()
+    assert curves.matrix_world == box.matrix_world
+    assert box.matrix_world.translation.length > 1.0
+    assert box.matrix_world.to_euler().z == pytest.approx(0.3)
+
+
+def test_curves_do_not_bend_with_a_parent_that_bends_the_mesh(rounded_box):
+    box = rounded_box()
+    lattice = bpy.data.objects.new("Lattice", bpy.data.lattices.new("Lattice"))
+    bpy.context.collection.objects.link(lattice)
+    box.parent, box.parent_type = lattice, "LATTICE"
+    curves = curves_of(box)
+    assert (curves.parent, curves.parent_type) == (lattice, "OBJECT")
 
 
 def test_marks_end_at_a_mask(rounded_box):

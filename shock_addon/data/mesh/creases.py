@@ -130,7 +130,7 @@ def write_attributes(
 def add_curves(
     obj: bpy.types.Object, found: FoundCreases, chosen: npt.NDArray[np.bool_], name: str
 ) -> bpy.types.Object:
-    """Add a curve object where the object is, with a spline for each of some lines."""
+    """Add a curve object that moves with the object, with a spline for each of some lines."""
     curves = bpy.data.curves.new(name, "CURVE")
     curves.dimensions = "3D"
     positions = meshes.read_positions(obj.data)
@@ -143,10 +143,7 @@ def add_curves(
         points[:, :3] = positions[line.vertices]
         spline.points.foreach_set("co", points.reshape(-1))
         spline.use_cyclic_u = line.is_loop
-    new = bpy.data.objects.new(name, curves)
-    new.matrix_world = obj.matrix_world
-    visible.link(new, obj)
-    return new
+    return visible.with_curves(obj, curves, name)
 
 
 def _lines_of_edges(
