@@ -71,6 +71,59 @@ def test_marks_that_are_there_stay(rounded_box):
     assert values(box.data, "sharp_edge", bool)[middle]
 
 
+@pytest.fixture
+def leaning_box(rounded_box):
+    """A smooth box with custom normals."""
+    box = rounded_box()
+    bpy.ops.object.shade_smooth()
+    box.data.normals_split_custom_set(corner_normals(box.data) + np.float32([0.0, 0.0, 0.4]))
+    return box
+
+
+def corner_normals(mesh):
+    found = np.empty(3 * len(mesh.loops), dtype=np.float32)
+    mesh.corner_normals.foreach_get("vector", found)
+    return found.reshape(-1, 3)
+
+
+def test_sharp_marks_that_would_turn_custom_normals_are_refused(leaning_box, rounded_box, select):
+    mesh = leaning_box.data
+    before, marked = corner_normals(mesh), values(mesh, "sharp_edge", bool)
+    with pytest.raises(RuntimeError, match="would turn its custom normals; set Custom Normals"):
+        mark_creases(marks={"SHARP", "SEAM"})
+    assert "uv_seam" not in mesh.attributes
+    other = rounded_box()
+    select(leaning_box, other)
+    assert mark_creases() == {"FINISHED"}
+    np.testing.assert_array_equal(values(mesh, "sharp_edge", bool), marked)
+    np.testing.assert_array_equal(corner_normals(mesh), before)
+    assert values(other.data, "sharp_edge", bool).any()
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [{"marks": {"SEAM", "CREASE", "BEVEL"}}, {"output": "ATTRIBUTE"}, {"output": "CURVES"}],
+    ids=["marks", "attribute", "curves"],
+)
+def test_what_leaves_custom_normals_alone_goes_on(leaning_box, choices):
+    before = corner_normals(leaning_box.data)
+    assert mark_creases(**choices) == {"FINISHED"}
+    np.testing.assert_allclose(corner_normals(leaning_box.data), before, atol=1e-3)
+
+
+@pytest.mark.parametrize("custom_normals", ["RECOMPUTE", "CLEAR"])
+def test_sharp_marks_break_custom_normals_that_need_not_stay(leaning_box, custom_normals):
+    bpy.context.scene.shock_filter.geometry.custom_normals = custom_normals
+    assert mark_creases() == {"FINISHED"}
+    mesh = leaning_box.data
+    assert mesh.has_custom_normals == (custom_normals == "RECOMPUTE")
+    assert values(mesh, "sharp_edge", bool).sum() > 100
+    marked = corner_normals(mesh)
+    with bpy.context.temp_override(object=leaning_box, active_object=leaning_box, mesh=mesh):
+        bpy.ops.mesh.customdata_custom_splitnormals_clear()
+    np.testing.assert_allclose(marked, corner_normals(mesh), atol=1e-3)
+
+
 def test_attributes_hold_angles_and_numbers_of_lines(rounded_box):
     box = rounded_box()
     mark_creases(output="ATTRIBUTE")

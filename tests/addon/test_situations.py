@@ -62,6 +62,10 @@ ELSEWHERE = {
     "key-new": "test_shape_keys.py::test_a_new_key_holds_the_result_and_the_mesh_stays",
     "key-new-mix": "test_shape_keys.py::test_a_new_key_sharpens_what_is_seen",
     "key-mix": "test_shape_keys.py::test_the_mix_is_the_one_that_blender_shows",
+    # Normals and edges
+    "normals-mark-creases": (
+        "test_creases.py::test_sharp_marks_that_would_turn_custom_normals_are_refused"
+    ),
     # Symmetry and modifiers
     "symmetry": "test_symmetry.py::test_a_symmetric_mesh_stays_symmetric",
     "symmetry-mask": "test_symmetry.py::test_an_asymmetric_mask_is_respected",

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ....core.host.inputs import MirroredSurface
 from .. import arrays
 from ..arrays import check_same
+from ..skipped import Skipped
 from . import meshes, visible
 from .masks import color_mask
 from .targets import MeshTarget, find
@@ -57,6 +58,15 @@ def read_creases(
         sharp_angle=math.degrees(angle),
         edges=meshes.read_edges(mesh),
     )
+
+
+def check_normals(obj: bpy.types.Object, custom_normals: str) -> None:
+    """Raise `Skipped` if sharp edges would turn custom normals that are kept."""
+    if custom_normals == "KEEP" and obj.data.has_custom_normals:
+        raise Skipped(
+            "sharp edges would turn its custom normals; set Custom Normals to Recompute or Clear,"
+            " or choose other marks"
+        )
 
 
 def find_same(target: MeshTarget) -> bpy.types.Object:

@@ -116,10 +116,7 @@ def write_geometry(
     if place.sharp_angle is not None and _may_mark(obj, place):
         shading.mark(obj.data, shading.edges_to_mark(obj.data, result, mask, place.sharp_angle))
     obj.data.update()
-    if obj.data.has_custom_normals and place.custom_normals == "RECOMPUTE":
-        shading.recompute_normals(obj, mask)
-    elif obj.data.has_custom_normals and place.custom_normals == "CLEAR":
-        shading.clear_normals(obj)
+    shading.renew_normals(obj, place.custom_normals, mask)
     return obj
 
 
