@@ -28,7 +28,8 @@ class Surface:
     mask : (n,) float64 or None
         1 sharpens fully, 0 leaves the vertex as it is.
     to_world : (3, 3) float64
-        The object's scale, shear and rotation: lengths are measured after it.
+        Lengths are measured after it: the object's scale, shear and rotation, or a multiple of
+        the identity; see `mesh.evenness`.
     """
 
     positions: npt.NDArray[np.float32]

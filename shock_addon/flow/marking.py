@@ -111,8 +111,16 @@ class SHOCK_FILTER_OT_mark_creases(_CreaseOperator, bpy.types.Operator):
                 context, "New objects are made in Object Mode; go there, or choose another output."
             )
         return data.mesh.meshes.read_targets(
-            context, self.reader(), self._parameters(), writes=self.output != "CURVES"
+            context, self._read_one, self._parameters(), writes=self.output != "CURVES"
         )
+
+    def _read_one(self, obj: bpy.types.Object, mode: str, parameters: Any) -> Any:
+        if self._makes_sharp():
+            data.mesh.creases.check_normals(obj, parameters.custom_normals)
+        return self.reader()(obj, mode, parameters)
+
+    def _makes_sharp(self) -> bool:
+        return self.output == "MARKS" and "SHARP" in self.marks
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Mark them, and return to the current object mode."""
@@ -132,6 +140,8 @@ class SHOCK_FILTER_OT_mark_creases(_CreaseOperator, bpy.types.Operator):
             self._edges += data.mesh.creases.write_attributes(obj.data, found, crisp, mask)
         else:
             self._edges += data.mesh.creases.mark(obj.data, found, crisp, mask, self.marks)
+            if self._makes_sharp():
+                data.mesh.shading.renew_normals(obj, self._parameters().custom_normals, mask)
         return obj
 
     def counts(self, written: list[Written]) -> tuple[int, int]:

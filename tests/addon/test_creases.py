@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators Mark Creases, Show Creases and Hide Creases, and the marks of sharpening."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 from shock_filter.core.host.creases import creases_of
 from shock_filter.shock_addon.data.mesh.creases import ANGLE, LINE, read_creases
 from shock_filter.shock_addon.data.mesh.meshes import read_positions
@@ -69,6 +71,59 @@ def test_marks_that_are_there_stay(rounded_box):
     assert values(box.data, "sharp_edge", bool)[middle]
 
 
+@pytest.fixture
+def leaning_box(rounded_box):
+    """A smooth box with custom normals."""
+    box = rounded_box()
+    bpy.ops.object.shade_smooth()
+    box.data.normals_split_custom_set(corner_normals(box.data) + np.float32([0.0, 0.0, 0.4]))
+    return box
+
+
+def corner_normals(mesh):
+    found = np.empty(3 * len(mesh.loops), dtype=np.float32)
+    mesh.corner_normals.foreach_get("vector", found)
+    return found.reshape(-1, 3)
+
+
+def test_sharp_marks_that_would_turn_custom_normals_are_refused(leaning_box, rounded_box, select):
+    mesh = leaning_box.data
+    before, marked = corner_normals(mesh), values(mesh, "sharp_edge", bool)
+    with pytest.raises(RuntimeError, match="would turn its custom normals; set Custom Normals"):
+        mark_creases(marks={"SHARP", "SEAM"})
+    assert "uv_seam" not in mesh.attributes
+    other = rounded_box()
+    select(leaning_box, other)
+    assert mark_creases() == {"FINISHED"}
+    np.testing.assert_array_equal(values(mesh, "sharp_edge", bool), marked)
+    np.testing.assert_array_equal(corner_normals(mesh), before)
+    assert values(other.data, "sharp_edge", bool).any()
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [{"marks": {"SEAM", "CREASE", "BEVEL"}}, {"output": "ATTRIBUTE"}, {"output": "CURVES"}],
+    ids=["marks", "attribute", "curves"],
+)
+def test_what_leaves_custom_normals_alone_goes_on(leaning_box, choices):
+    before = corner_normals(leaning_box.data)
+    assert mark_creases(**choices) == {"FINISHED"}
+    np.testing.assert_allclose(corner_normals(leaning_box.data), before, atol=1e-3)
+
+
+@pytest.mark.parametrize("custom_normals", ["RECOMPUTE", "CLEAR"])
+def test_sharp_marks_break_custom_normals_that_need_not_stay(leaning_box, custom_normals):
+    bpy.context.scene.shock_filter.geometry.custom_normals = custom_normals
+    assert mark_creases() == {"FINISHED"}
+    mesh = leaning_box.data
+    assert mesh.has_custom_normals == (custom_normals == "RECOMPUTE")
+    assert values(mesh, "sharp_edge", bool).sum() > 100
+    marked = corner_normals(mesh)
+    with bpy.context.temp_override(object=leaning_box, active_object=leaning_box, mesh=mesh):
+        bpy.ops.mesh.customdata_custom_splitnormals_clear()
+    np.testing.assert_allclose(marked, corner_normals(mesh), atol=1e-3)
+
+
 def test_attributes_hold_angles_and_numbers_of_lines(rounded_box):
     box = rounded_box()
     mark_creases(output="ATTRIBUTE")
@@ -88,6 +143,71 @@ def test_curves_lie_where_the_lines_are(rounded_box):
     assert curves.matrix_world.translation.x == 3.0
     points = [tuple(p.co[:3]) for spline in curves.data.splines for p in spline.points]
     assert set(points) <= {tuple(row) for row in read_positions(box.data).tolist()}
+
+
+def curves_of(box):
+    mark_creases(output="CURVES")
+    (curves,) = [obj for obj in bpy.data.objects if obj.type == "CURVE"]
+    return curves
+
+
+def at_some_frames(*objects):
+    for frame in (1, 4, 9):
+        bpy.context.scene.frame_set(frame)
+        yield [np.array(obj.matrix_world) for obj in objects]
+
+
+def test_curves_follow_parent_and_animation(rounded_box):
+    box = rounded_box(location=(1.0, 0.0, 0.0))
+    parent = bpy.data.objects.new("Parent", None)
+    bpy.context.collection.objects.link(parent)
+    box.parent = parent
+    box.matrix_parent_inverse = Matrix.Translation((0.0, 2.0, 0.0))
+    box.delta_scale = (1.0, 1.0, 2.0)
+    parent.rotation_euler.z = 0.5
+    for obj in (box, parent):
+        obj.keyframe_insert("location", frame=1)
+        obj.location.z += 3.0
+        obj.keyframe_insert("location", frame=9)
+    box.driver_add("rotation_euler", 0).driver.expression = "0.1 * frame"
+    curves = curves_of(box)
+    assert curves.parent == parent
+    places = list(at_some_frames(box, curves))
+    for place, of_curves in places:
+        np.testing.assert_array_equal(of_curves, place)
+    assert all((first != second).any() for (first, _), (second, _) in pairwise(places))
+
+
+def test_curves_follow_constraints_and_bones(rounded_box):
+    box = rounded_box()
+    goal = bpy.data.objects.new("Goal", None)
+    bones = bpy.data.objects.new("Bones", bpy.data.armatures.new("Bones"))
+    for obj in (goal, bones):
+        bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = bones
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = bones.data.edit_bones.new("Arm")
+    bone.tail = (0.0, 1.0, 0.5)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.objects.active = box
+    box.parent, box.parent_type, box.parent_bone = bones, "BONE", "Arm"
+    box.constraints.new("COPY_ROTATION").target = goal
+    curves = curves_of(box)
+    bones.pose.bones["Arm"].location = (1.0, 2.0, 3.0)
+    goal.rotation_euler = (0.1, 0.2, 0.3)
+    bpy.context.view_layer.update()
+    assert curves.matrix_world == box.matrix_world
+    assert box.matrix_world.translation.length > 1.0
+    assert box.matrix_world.to_euler().z == pytest.approx(0.3)
+
+
+def test_curves_do_not_bend_with_a_parent_that_bends_the_mesh(rounded_box):
+    box = rounded_box()
+    lattice = bpy.data.objects.new("Lattice", bpy.data.lattices.new("Lattice"))
+    bpy.context.collection.objects.link(lattice)
+    box.parent, box.parent_type = lattice, "LATTICE"
+    curves = curves_of(box)
+    assert (curves.parent, curves.parent_type) == (lattice, "OBJECT")
 
 
 def test_marks_end_at_a_mask(rounded_box):

@@ -84,8 +84,11 @@ def seen(obj):
     return read_positions(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data)
 
 
-def test_what_is_shown_is_what_the_operator_makes(rounded_box):
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (1.0, 1.0, 4.0)], ids=["even", "uneven"])
+def test_what_is_shown_is_what_the_operator_makes(rounded_box, scale):
     box = rounded_box()
+    box.scale = scale
+    bpy.context.view_layer.update()
     before = stored(box)
     running = begun("geometry")
     running.drag(-100)

@@ -102,20 +102,6 @@ def test_a_mesh_with_two_users_is_sharpened_once(rounded_box, select):
     np.testing.assert_array_equal(read_positions(shared.data), read_positions(alone.data))
 
 
-def test_lengths_are_measured_after_the_object_scale(rounded_box, select):
-    scaled, applied = rounded_box(), rounded_box()
-    matrix = Matrix.Rotation(0.4, 4, "X") @ Matrix.Diagonal((1.0, 3.0, 0.5, 1.0))
-    scaled.matrix_world = matrix
-    applied.data.transform(matrix)
-    bpy.context.view_layer.update()
-    select(scaled, applied)
-    sharpen(feature_threshold=0.0)
-    linear = np.array(matrix.to_3x3())
-    np.testing.assert_allclose(
-        read_positions(scaled.data) @ linear.T, read_positions(applied.data), atol=2e-5
-    )
-
-
 def test_uniform_scale_changes_nothing(rounded_box, select):
     small, large = rounded_box(), rounded_box()
     large.matrix_world = Matrix.Rotation(1.0, 4, "Y") @ Matrix.Scale(1000.0, 4)

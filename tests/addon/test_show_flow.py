@@ -109,6 +109,7 @@ def test_potentials_keep_their_places_where_cutting_turns_a_face():
 def test_the_flow_is_in_the_objects_own_space(rounded_box):
     box = rounded_box()
     box.matrix_world = Matrix.Diagonal((1.0, 4.0, 1.0, 1.0))
+    box.data.transform(box.matrix_world.inverted())  # even in the scaled shape
     bpy.context.view_layer.update()
     show_flow()
     scaled = read_flow(box.data)

@@ -62,6 +62,10 @@ ELSEWHERE = {
     "key-new": "test_shape_keys.py::test_a_new_key_holds_the_result_and_the_mesh_stays",
     "key-new-mix": "test_shape_keys.py::test_a_new_key_sharpens_what_is_seen",
     "key-mix": "test_shape_keys.py::test_the_mix_is_the_one_that_blender_shows",
+    # Normals and edges
+    "normals-mark-creases": (
+        "test_creases.py::test_sharp_marks_that_would_turn_custom_normals_are_refused"
+    ),
     # Symmetry and modifiers
     "symmetry": "test_symmetry.py::test_a_symmetric_mesh_stays_symmetric",
     "symmetry-mask": "test_symmetry.py::test_an_asymmetric_mask_is_respected",
@@ -72,7 +76,7 @@ ELSEWHERE = {
     "linked-mesh": "test_sharpen_geometry.py::test_linked_meshes_are_skipped",
     "bad-among-good": "test_sharpen_geometry.py::test_a_bad_mesh_does_not_stop_the_good_one",
     "nothing-selected": "test_sharpen_geometry.py::test_nothing_selected_greys_the_button_out",
-    "scale": "test_sharpen_geometry.py::test_lengths_are_measured_after_the_object_scale",
+    "scale": "test_uneven_scale.py::test_both_kinds_at_once_become_what_they_become_without_scale",
     "scale-uniform": "test_sharpen_geometry.py::test_uniform_scale_changes_nothing",
     "scale-zero": "test_sharpen_geometry.py::test_a_scale_of_zero_is_named",
     # Meshes

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ....core.host.inputs import MirroredSurface
 from .. import arrays
 from ..arrays import check_same
+from ..skipped import Skipped
 from . import meshes, visible
 from .masks import color_mask
 from .targets import MeshTarget, find
@@ -46,16 +47,26 @@ def read_creases(
         Of the weakest creases, in radians.
     """
     mesh = obj.data
+    positions, triangles = meshes.read_positions(mesh), meshes.read_triangles(mesh)
     return None, MirroredSurface(
-        positions=meshes.read_positions(mesh),
-        triangles=meshes.read_triangles(mesh),
+        positions=positions,
+        triangles=triangles,
         mask=color_mask(obj, mode, "POINT", parameters)[0],
-        to_world=meshes.lengths_in_world(obj),
+        to_world=meshes.lengths_of_shape(obj, positions, triangles),
         mirror=(False, False, False),
         planes=(),
         sharp_angle=math.degrees(angle),
         edges=meshes.read_edges(mesh),
     )
+
+
+def check_normals(obj: bpy.types.Object, custom_normals: str) -> None:
+    """Raise `Skipped` if sharp edges would turn custom normals that are kept."""
+    if custom_normals == "KEEP" and obj.data.has_custom_normals:
+        raise Skipped(
+            "sharp edges would turn its custom normals; set Custom Normals to Recompute or Clear,"
+            " or choose other marks"
+        )
 
 
 def find_same(target: MeshTarget) -> bpy.types.Object:
@@ -129,7 +140,7 @@ def write_attributes(
 def add_curves(
     obj: bpy.types.Object, found: FoundCreases, chosen: npt.NDArray[np.bool_], name: str
 ) -> bpy.types.Object:
-    """Add a curve object where the object is, with a spline for each of some lines."""
+    """Add a curve object that moves with the object, with a spline for each of some lines."""
     curves = bpy.data.curves.new(name, "CURVE")
     curves.dimensions = "3D"
     positions = meshes.read_positions(obj.data)
@@ -142,10 +153,7 @@ def add_curves(
         points[:, :3] = positions[line.vertices]
         spline.points.foreach_set("co", points.reshape(-1))
         spline.use_cyclic_u = line.is_loop
-    new = bpy.data.objects.new(name, curves)
-    new.matrix_world = obj.matrix_world
-    visible.link(new, obj)
-    return new
+    return visible.with_curves(obj, curves, name)
 
 
 def _lines_of_edges(

@@ -71,11 +71,12 @@ def read_geometry(
         custom_normals=parameters.custom_normals,
         sharp_angle=parameters.sharp_angle if parameters.mark_sharp else None,
     )
+    positions, triangles = source(obj, place), meshes.read_triangles(mesh)
     surface = MirroredSurface(
-        positions=source(obj, place),
-        triangles=meshes.read_triangles(mesh),
+        positions=positions,
+        triangles=triangles,
         mask=color_mask(obj, mode, "POINT", parameters)[0],
-        to_world=meshes.lengths_in_world(obj),
+        to_world=meshes.lengths_of_shape(obj, positions, triangles),
         mirror=(mesh.use_mirror_x, mesh.use_mirror_y, mesh.use_mirror_z),
         planes=tuple(_mirror_planes(obj)),
         sharp_angle=None if place.sharp_angle is None else math.degrees(place.sharp_angle),
@@ -115,10 +116,7 @@ def write_geometry(
     if place.sharp_angle is not None and _may_mark(obj, place):
         shading.mark(obj.data, shading.edges_to_mark(obj.data, result, mask, place.sharp_angle))
     obj.data.update()
-    if obj.data.has_custom_normals and place.custom_normals == "RECOMPUTE":
-        shading.recompute_normals(obj, mask)
-    elif obj.data.has_custom_normals and place.custom_normals == "CLEAR":
-        shading.clear_normals(obj)
+    shading.renew_normals(obj, place.custom_normals, mask)
     return obj
 
 

@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 def read_cut(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[None, CutSurface]:
     """Read the mesh, and where its UVs and materials end; `mode` and `parameters` do not count."""
     mesh = obj.data
-    corners = meshes.read_triangle_corners(mesh)
+    positions, corners = meshes.read_positions(mesh), meshes.read_triangle_corners(mesh)
     triangles = meshes.read_corner_vertices(mesh)[corners]
     data = [_of_triangles(mesh, _materials(mesh))[:, None, None] + np.zeros((1, 3, 1))]
     data += [arrays.read(layer.uv, "vector", 2)[corners] for layer in mesh.uv_layers]
     return None, CutSurface(
-        positions=meshes.read_positions(mesh),
+        positions=positions,
         triangles=triangles,
         mask=None,
-        to_world=meshes.lengths_in_world(obj),
+        to_world=meshes.lengths_of_shape(obj, positions, triangles),
         cuts=_borders(triangles, np.concatenate(data, axis=2)),
     )
 

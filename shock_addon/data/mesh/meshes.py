@@ -14,6 +14,7 @@ import numpy.typing as npt
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ....core.host.inputs import Surface
+from ....core.mesh.evenness import even_lengths
 from .. import arrays
 from ..chosen import CONVERTIBLE, mesh_objects, mesh_refusal
 from ..skipped import Refused, Skipped, as_reason, sentences, skip_if
@@ -275,8 +276,23 @@ def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     return matrix / stretches[0]
 
 
+def lengths_of_shape(
+    obj: bpy.types.Object,
+    positions: npt.NDArray[np.float32],
+    triangles: npt.NDArray[np.int32],
+) -> npt.NDArray[np.float64]:
+    """Return that after which lengths of a shape are measured, as in `even_lengths`: (3, 3).
+
+    Raises
+    ------
+    Skipped
+        As `lengths_in_world` does.
+    """
+    return even_lengths(positions, triangles, lengths_in_world(obj))
+
+
 def scale_in_world(obj: bpy.types.Object) -> float:
-    """Return what the lengths of `lengths_in_world` are multiplied with in the scene."""
+    """Return what lengths after `lengths_in_world` or `lengths_of_shape` are multiplied with."""
     matrix = np.array(obj.matrix_world, dtype=np.float64)[:3, :3]
     return float(np.linalg.svd(matrix, compute_uv=False)[0])
 

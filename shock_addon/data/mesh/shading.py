@@ -130,6 +130,16 @@ def write_turns(mesh: bpy.types.Mesh, turns: npt.NDArray[np.int16]) -> None:
     arrays.write_attribute(mesh.attributes[_TURNS], turns)
 
 
+def renew_normals(
+    obj: bpy.types.Object, custom_normals: str, mask: npt.NDArray[np.float64] | None
+) -> None:
+    """Recompute or clear custom normals, if there are any; "KEEP" leaves them alone."""
+    if obj.data.has_custom_normals and custom_normals == "RECOMPUTE":
+        recompute_normals(obj, mask)
+    elif obj.data.has_custom_normals and custom_normals == "CLEAR":
+        clear_normals(obj)
+
+
 def clear_normals(obj: bpy.types.Object) -> None:
     """Remove custom normals; smooth shading then follows the surface and its sharp edges."""
     with bpy.context.temp_override(object=obj, active_object=obj, mesh=obj.data):

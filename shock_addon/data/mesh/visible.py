@@ -23,6 +23,14 @@ _WRITTEN = ("position", "sharp_edge", "custom_normal")
 _DEFORMING = {"ARMATURE", "CURVE", "LATTICE"}
 """Kinds of parents that bend their children, as modifiers do."""
 
+_TRANSFORM = (
+    *("rotation_mode", "location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle"),
+    *("scale", "delta_location", "delta_rotation_euler", "delta_rotation_quaternion"),
+    *("delta_scale", "parent", "parent_type", "parent_bone", "parent_vertices"),
+    "matrix_parent_inverse",
+)
+"""Properties that place an object, besides its animation and constraints."""
+
 
 @contextmanager
 def copied(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
@@ -203,9 +211,30 @@ def with_mesh(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> bpy.types.Object:
     new = obj.copy()
     new.modifiers.clear()
     new.data = mesh
+    _hold_shape(new)
+    return new
+
+
+def with_curves(obj: bpy.types.Object, curves: bpy.types.Curve, name: str) -> bpy.types.Object:
+    """Add an object where another one is, which moves like it: parent, constraints, animation."""
+    new = bpy.data.objects.new(name, curves)
+    for each in _TRANSFORM:
+        setattr(new, each, getattr(obj, each))
+    _hold_shape(new)
+    for constraint in obj.constraints:
+        new.constraints.copy(constraint)
+    link(new, obj)
+    if obj.animation_data is not None:
+        to_new = {"object": obj, "active_object": obj, "selected_editable_objects": [new]}
+        with bpy.context.temp_override(**to_new):
+            bpy.ops.object.make_links_data(type="ANIMATION")
+    return new
+
+
+def _hold_shape(new: bpy.types.Object) -> None:
+    # Follow the parent as a whole.
     if new.parent_type in _DEFORMING:
         new.parent_type = "OBJECT"
-    return new
 
 
 @contextmanager
