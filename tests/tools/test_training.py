@@ -23,6 +23,7 @@ from meshings import EXTENT, sampled, surface_nets
 from shock_filter import core
 from shock_filter.core.color import vertices_learned
 from shock_filter.core.color.learned import enlarging, recipe
+from shock_filter.core.mixture.choice import mixture
 from shock_filter.core.mixture.network import load
 from shock_filter.core.shape import learned, smoothings
 from shock_filter.core.shape.candidates import DEFINITION
@@ -277,7 +278,8 @@ def test_training_gives_the_same_network_from_the_same_seed():
     assert ((one.scores(told)[:, 0] > 0) == (wanted > 0)).mean() > 0.9
 
 
-def test_slopes_are_those_of_the_loss():
+@pytest.mark.parametrize("harm", [0.0, 1.5])
+def test_slopes_are_those_of_the_loss(harm):
     rng = np.random.default_rng(1)
     layers = [[rng.normal(size=(4, 5)), rng.normal(size=5)],
               [rng.normal(size=(5, 3)), rng.normal(size=3)]]  # fmt: skip
@@ -287,7 +289,7 @@ def test_slopes_are_those_of_the_loss():
     targets /= np.linalg.norm(targets, axis=2, keepdims=True)
 
     def back(y):
-        return adam._mixture_back(y, components, targets, weights)
+        return adam._mixture_back(y, components, targets, weights, harm)
 
     loss, slopes = adam._slopes(layers, told, back)
     for n, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
@@ -296,6 +298,20 @@ def test_slopes_are_those_of_the_loss():
         change = (adam._slopes(layers, told, back)[0] - loss) / 1e-6
         layers[n][j][at] -= 1e-6
         assert slopes[n][j][at] * len(told) == pytest.approx(change, rel=1e-3, abs=1e-5)
+
+
+def test_with_harm_a_mixture_in_doubt_keeps_the_input():
+    told = np.ones((4096, 1), np.float32)  # nothing tells the rows apart
+    candidates = np.tile(np.eye(3, dtype=np.float32)[:2], (4096, 1, 1))
+    wanted = (np.arange(4096) % 10 < 6).astype(int)  # of six in ten rows the other one is right
+    targets = np.repeat(candidates[0, wanted][:, None], 2, axis=1)
+    shares = []
+    for harm in (0.0, 1.0):
+        network = adam.trained_mixture(told, candidates, targets, np.ones(4096, np.float32), (4,),
+                                       400, log=lambda _: None, harm=harm)  # fmt: skip
+        shares.append(mixture(candidates[:1], network.scores(told[:1]))[0][0])
+    assert shares[0] @ candidates[0, 1] > 0.9
+    assert shares[1] @ candidates[0, 0] > 0.9
 
 
 def test_slopes_of_free_mixtures_are_those_of_the_loss():
@@ -325,11 +341,25 @@ def test_samples_beside_the_surface_are_those_of_the_whole_grid():
 
 def test_truths_are_the_normals_of_both_sides_of_a_crease():
     solid = box((0, 0, 0), (0.5, 0.5, 0.5))
-    one, two = truths(solid, np.array([[0.499, 0.0, 0.51], [0.0, 0.0, 0.52]]), 0.1, 0.1)
+    up = np.tile([0.0, 0.0, 1.0], (2, 1))
+    one, two = truths(solid, np.array([[0.499, 0.0, 0.51], [0.0, 0.0, 0.52]]), up, 0.1, 0.1)
     both = {tuple(np.abs(n[0]).round(2).tolist()) for n in (one, two)}
     assert both == {(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)}
     assert one[1] == pytest.approx([0, 0, 1], abs=1e-6)
     assert (one[1] == two[1]).all()
+
+
+def test_truths_of_slanted_faces_reach_farther_across_a_crease():
+    solid = box((0, 0, 0), (0.5, 0.5, 0.5))
+    beside = np.array([[0.47, 0.0, 0.5]])  # 0.3 edges
+    slanted = np.array([[0.6, 0.0, 0.8]])
+    one, two = truths(solid, beside, slanted, 0.1, 0.1)
+    assert one[0] == pytest.approx([0, 0, 1], abs=1e-6)
+    assert two[0] == pytest.approx([1, 0, 0], abs=0.01)
+    one, two = truths(solid, beside, one, 0.1, 0.1)
+    assert (one == two).all()
+    one, two = truths(solid, beside - [0.03, 0, 0], slanted, 0.1, 0.1)
+    assert (one == two).all()
 
 
 def test_examples_have_as_many_normals_as_asked_for_and_unit_length():

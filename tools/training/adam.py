@@ -35,6 +35,7 @@ def trained_mixture(
     epochs: int,
     seed: int = 0,
     log: Callable[[str], None] = print,
+    harm: float = 0.0,
 ) -> Network:
     """Train a network whose mixtures of candidates come close to targets.
 
@@ -51,11 +52,14 @@ def trained_mixture(
     hidden : tuple of int
         Sizes of the hidden layers.
     epochs, seed, log
+    harm : float
+        How much more the loss of a row counts, as a share, while the mixture is farther from the
+        targets than the first candidate, the input.
     """
     components = np.ascontiguousarray(candidates.transpose(0, 2, 1))
 
     def back(y, rows):
-        return _mixture_back(y, components[rows], targets[rows], weights[rows])
+        return _mixture_back(y, components[rows], targets[rows], weights[rows], harm)
 
     return _trained(told, back, (*hidden, candidates.shape[1]), epochs, seed, log)
 
@@ -186,9 +190,9 @@ def _slopes(layers, told, back_of):
     return loss, slopes
 
 
-def _mixture_back(y, components, targets, weights):
+def _mixture_back(y, components, targets, weights, harm=0.0):
     shares = _shares(y)
-    loss, slope = _share_back(shares, components, targets, weights)
+    loss, slope = _share_back(shares, components, targets, weights, harm)
     return loss, shares * (slope - (shares * slope).sum(1, keepdims=True))
 
 
@@ -205,14 +209,23 @@ def _shares(y):
     return z / z.sum(1, keepdims=True)
 
 
-def _share_back(shares, components, targets, weights):
+def _distances(cosines):
+    return np.sqrt(np.maximum(2 - 2 * cosines, 0) + SOFT**2)
+
+
+def _share_back(shares, components, targets, weights, harm=0.0):
     mixed = np.stack([(shares * components[:, j]).sum(1) for j in range(3)], 1)
     length = np.maximum(np.sqrt((mixed * mixed).sum(1)), 1e-3)
     unit = mixed / length[:, None]
     both = (unit[:, None] * targets).sum(2)
     nearer = targets[np.arange(len(targets)), both.argmax(1)]
-    far = np.sqrt(np.maximum(2 - 2 * both.max(1), 0) + SOFT**2)
-    back = -(weights / far / len(shares))[:, None] * nearer
+    far = loss = _distances(both.max(1))
+    rise = np.float32(1)
+    if harm:
+        before = _distances((components[:, None, :, 0] * targets).sum(2).max(1))
+        loss = far + harm * np.maximum(far - before, 0)
+        rise = np.where(far > before, np.float32(1 + harm), rise)
+    back = -(rise * weights / far / len(shares))[:, None] * nearer
     back = (back - (back * unit).sum(1, keepdims=True) * unit) / length[:, None]
     slope = sum(components[:, j] * back[:, j, None] for j in range(3))
-    return float((far * weights).sum()), slope
+    return float((loss * weights).sum()), slope

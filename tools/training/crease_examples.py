@@ -106,8 +106,9 @@ def remeshed(
         v = umbrella(v, f, int(np.exp(rng.uniform(0, np.log(14)))))
     if amount:
         v = v + rng.normal(size=v.shape) * amount * edge
-    targets = lambda rows: truths(shape, centres[rows], edge, h)  # noqa: E731
-    return Example(core.TriangleMesh(v, f), targets, kind, how, shape, h)
+    mesh = core.TriangleMesh(v, f)
+    targets = lambda rows: truths(shape, centres[rows], mesh.normals[rows], edge, h)  # noqa: E731
+    return Example(mesh, targets, kind, how, shape, h)
 
 
 def _seen_closer(rng, shape: Solid, times: float) -> Solid:
@@ -146,7 +147,7 @@ def relief(seed) -> Example:
     still = (abs(high[f]).max(1) > 0).reshape(-1) if base is not None else np.ones(len(f), bool)
 
     def targets(rows):
-        one, two = truths(shape, centres[rows], edge, h)
+        one, two = truths(shape, centres[rows], mesh.normals[rows], edge, h)
         own = still[rows]
         one[own] = two[own] = mesh.normals[rows[own]]
         return one, two

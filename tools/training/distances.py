@@ -239,16 +239,36 @@ def nearest(s: Solid, p: Floats, most: float, rounds: int = 4) -> Floats:
     return p
 
 
-def truths(s: Solid, centres: Floats, edge: float, most: float) -> tuple[Floats, Floats]:
-    """Return the normals at the nearest points, and those across creases within 0.1 edge lengths.
+STRIP = 15.0
+"""Faces whose normals are more degrees off are in the slanted strip that a remesher left."""
 
-    Where there is no crease, both are the same.
+ACROSS = (0.1, 15.0), (0.25, 40.0), (0.4, 40.0)
+"""Distances, in edge lengths, within which a crease counts, and its least angle in degrees. All
+but the first are for faces in strips."""
+
+
+def truths(
+    s: Solid, centres: Floats, normals: Floats, edge: float, most: float
+) -> tuple[Floats, Floats]:
+    """Return the normals at the points nearest to faces, and those across creases beside them.
+
+    Where there is no crease, both are the same. A strip along a crease is about an edge wide and
+    its faces zigzag across the crease: if only the nearer side counted, so would the targets.
     """
     c = nearest(s, centres, most)
     first = gradient(s, c)
-    second, least = first.copy(), np.full(len(c), np.cos(np.radians(15)))
-    for a in np.r_[np.eye(3), -np.eye(3)]:
-        n = gradient(s, c + 0.1 * edge * a)
-        cos = (n * first).sum(1)
-        second[cos < least], least = n[cos < least], np.minimum(least, cos)
+    u = np.cross(first, np.eye(3)[np.argmin(abs(first), 1)])
+    u /= np.maximum(norm(u), 1e-12)[:, None]
+    w = np.cross(first, u)
+    in_strip = (normals * first).sum(1) < np.cos(np.radians(STRIP))
+    second, asked = first.copy(), np.ones(len(c), bool)
+    for width, angle in ACROSS:
+        limit = np.cos(np.radians(angle))
+        least = np.full(len(c), limit)
+        for way in np.arange(8) * np.pi / 4:
+            n = gradient(s, c + width * edge * (np.cos(way) * u + np.sin(way) * w))
+            cos = (n * first).sum(1)
+            better = asked & (cos < least)
+            second[better], least[better] = n[better], cos[better]
+        asked &= in_strip & (least == limit)
     return first, second
