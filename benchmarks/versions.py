@@ -28,6 +28,8 @@ RUNS = 3
 
 # name: (what is sharpened, array of the input, runs in one process)
 MESHES = {
+    "geometry at its default, 134 K vertices": ("igea.ply", 0, False),
+    "geometry at its default, 2.15 M vertices": ("igea.ply", 2, False),
     "geometry, 134 K vertices": ("igea.ply", 0, False),
     "geometry, 2.15 M vertices": ("igea.ply", 2, False),
     "geometry, 200 K vertices, thin triangles": ("dragon_50k.obj", 1, False),
@@ -51,6 +53,10 @@ def work(case: str, arrays: dict[str, np.ndarray]) -> Callable[[Callable | None]
     if case.startswith("denoising an image"):
         return lambda p: core.beltrami_image(arrays["image"], progress=p)
     vertices, faces = arrays["vertices"], arrays["faces"]
+    if case.startswith("geometry at its default"):
+        return lambda p: core.sharpen_geometry(
+            core.TriangleMesh(vertices, faces, progress=p), progress=p
+        )
     if case.startswith("geometry"):
         return lambda p: core.sharpen_geometry(
             core.TriangleMesh(vertices, faces, progress=p), long, mask=None, progress=p
