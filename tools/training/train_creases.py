@@ -2,7 +2,7 @@
 """Train the networks that weigh candidate normals of faces along creases.
 
 ``python tools/training/train_creases.py`` makes meshes from seeds, trains on them, and writes
-``core/shape/creases.npz``. It needs the packages of the extra ``training``, and some twenty minutes
+``core/shape/creases.npz``. It needs the packages of the extra ``training``, and about half an hour
 on two cores. Meshes are stored in the folder, so that a stopped run can continue.
 """
 
