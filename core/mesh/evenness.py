@@ -12,8 +12,8 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 _CLEARLY = 0.01
-"""By how much the triangles of an object's own space are rounder than those of the scaled shape
-where its own space counts. Closer ones give equally good results in both, so that it does not
+"""By how much the quality of the triangles is higher in an object's own space than in the scaled
+shape where its own space counts. Closer ones give equally good results in both, so that it does not
 matter on which side of this limit a mesh lies."""
 
 _SAMPLE = 1 << 16
@@ -28,8 +28,9 @@ def even_lengths(
     Filters take the mean edge length for the resolution of the mesh in all directions. That holds
     in the space in which the mesh was made: Blender's remeshes make triangles even in the object's
     own space, whatever its scale; scans and imports may be even in the scaled shape. So lengths
-    are measured where triangles are rounder on average: 1 for equilateral ones, 0 for those
-    without area, each as important as any other.
+    are measured where the mean quality of the triangles is higher. The quality of a triangle is
+    4 sqrt(3) times its area over the sum of its squared sides: 1 for equilateral ones, 0 for those
+    without area. This is not in the papers.
 
     Parameters
     ----------
@@ -66,13 +67,13 @@ def even_lengths(
         points = positions[triangles].astype(np.float64)
         sides = points - np.roll(points, 1, axis=1)
         stretched = sides @ to_world.T
-        if not _roundness(sides) > _roundness(stretched) + _CLEARLY:
+        if not _quality(sides) > _quality(stretched) + _CLEARLY:
             return to_world
     return np.identity(3) * (_mean_length(stretched) / _mean_length(sides))
 
 
-def _roundness(sides: Floats) -> float:
-    # Of triangles, by their sides (m, 3, 3).
+def _quality(sides: Floats) -> float:
+    # The mean over triangles, by their sides (m, 3, 3).
     areas = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     squares = np.einsum("ijk,ijk->i", sides, sides)
     return float((4.0 * np.sqrt(3.0) * areas / np.where(squares == 0.0, 1.0, squares)).mean())

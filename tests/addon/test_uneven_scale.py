@@ -72,6 +72,15 @@ def made_in_the_scene(obj, matrix):
     place(obj, matrix)
 
 
+def scaled_beside(remesh, select):
+    """Add the same remesh twice, select both, and scale the second."""
+    plain, own = remesh(), remesh()
+    place(own, MATRICES["flat"])
+    bpy.context.view_layer.update()
+    select(plain, own)
+    return plain, own
+
+
 def in_scene(obj):
     matrix = np.array(obj.matrix_world.to_3x3())
     return read_positions(obj.data) @ matrix.T
@@ -131,10 +140,7 @@ def test_denoising_goes_the_same_way(remesh, select, method):
 
 
 def test_the_marks_of_creases_do_not_depend_on_scale(remesh, select):
-    plain, own = remesh(), remesh()
-    place(own, MATRICES["flat"])
-    bpy.context.view_layer.update()
-    select(plain, own)
+    plain, own = scaled_beside(remesh, select)
     assert bpy.ops.shock_filter.mark_creases() == {"FINISHED"}
     marks = []
     for obj in (plain, own):
@@ -146,10 +152,7 @@ def test_the_marks_of_creases_do_not_depend_on_scale(remesh, select):
 
 
 def test_a_low_poly_does_not_depend_on_scale(remesh, select):
-    plain, own = remesh(), remesh()
-    place(own, MATRICES["flat"])
-    bpy.context.view_layer.update()
-    select(plain, own)
+    plain, own = scaled_beside(remesh, select)
     assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
     made = {obj.name: obj.data for obj in bpy.context.selected_objects}
     first, second = made[f"{plain.name} low poly"], made[f"{own.name} low poly"]
