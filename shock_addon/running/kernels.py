@@ -7,7 +7,6 @@ import contextlib
 import importlib
 import os
 import re
-import shutil
 import threading
 from functools import cache
 
@@ -57,6 +56,8 @@ def _remove_old(folder: str) -> None:
         for entry in entries:
             is_old = re.fullmatch(r"kernels-\d[\w.+-]*", entry.name)
             if is_old and entry.is_dir(follow_symlinks=False):
+                import shutil  # rarely needed; at the top it would slow each start
+
                 shutil.rmtree(entry.path, ignore_errors=True)
 
 
