@@ -14,6 +14,7 @@ from denoise_bumps import bumps
 from denoise_distances import distances, flow
 from denoise_images import betas, images, kernels, manifold
 from denoise_kinds import speed_of_kinds
+from denoise_made import made
 from denoise_meshes import meshes, noise
 from denoise_models import models
 from denoise_pictures import draw_scans, joint, painted, pictures
@@ -36,6 +37,7 @@ SECTIONS = {
     "meshes": meshes,
     "noise": noise,
     "scans": scans,
+    "made": made,
     "published": published,
     "models": models,
     "relief": relief,

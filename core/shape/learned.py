@@ -99,8 +99,9 @@ _FLIP_SMOOTHING = 4.0
 """Vertices are smoothed by this factor times the mean share of turned-over faces around them."""
 
 _RINGS, _LARGEST_PART = 24, 0.6
-"""With a mask, only the part within this many rings of the chosen vertices is denoised, unless it
-has more than this share of all vertices: then the whole mesh is."""
+"""Vertices farther than this many rings from all faces that turn stay. With a mask, only the part
+within this many rings of the chosen vertices is denoised, unless it has more than this share of all
+vertices: then the whole mesh is."""
 
 _BLOCK = 1 << 15
 """Number of faces that a network scores in one call."""
@@ -246,7 +247,17 @@ def _mixed_in_stages(
                 state.fit(normals, FITS if last else 1, ways.keep_creases if last else 0.5)
         if not state.moved.any():
             break  # the mesh is clean, or no displacement brings normals nearer to their targets
-    return state.moved, state.normals
+    return _near_turns(mesh, state.moved, state.normals), state.normals
+
+
+def _near_turns(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
+    # Far from all faces that turn, a fit only takes back most of what the stages before it moved.
+    turned = (normals != mesh.normals).any(axis=1)
+    if turned.all() or not moved.any():
+        return moved
+    near = np.zeros(mesh.vertex_count, bool)
+    near[mesh.faces[turned]] = True
+    return moved * within_rings(mesh.neighbours, near, _RINGS)[:, None]
 
 
 def found_in_stage(mesh: TriangleMesh, nets: list[Network]) -> Smoothings:

@@ -126,7 +126,7 @@ def test_a_tiny_denoiser_learns_to_come_nearer_on_a_mesh_it_has_not_seen(tmp_pat
     paths = train_denoising.make_all({"solid": 10}, tmp_path, 1)
     assert train_denoising.make_all({"solid": 10}, tmp_path, 1) == paths  # made once
     said = []
-    networks = train_denoising.train(paths, epochs=8, hidden=(32,), log=said.append)
+    networks = train_denoising.train(paths, epochs=(8, 8, 8), hidden=(32,), log=said.append)
     unseen = train_denoising.table(paths[0], [])
     assert unseen["aside"].all()
     own, new = train_denoising.errors(networks["first"], unseen)
@@ -218,7 +218,7 @@ def test_slopes_of_shares_are_those_of_the_loss():
 @pytest.mark.parametrize(
     "kind",
     [*denoise_examples.KINDS, "figure", "displaced", "drawn", "cage", "divided", "rough", "steep",
-     "short", "export"],
+     "short", "export", "scan"],
 )  # fmt: skip
 def test_examples_of_noise_come_from_their_seed(kind):
     def make(seed):

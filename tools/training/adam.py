@@ -80,7 +80,10 @@ def trained_free_mixture(
     def back(y, rows):
         return _free_back(y, components[rows], targets[rows], weights[rows])
 
-    return _trained(told, back, (*hidden, 2 * candidates.shape[1]), epochs, seed, log)
+    # Along an axis, numpy copies the array, which has gigabytes here.
+    moments = (np.array([f(column) for column in told.T]) for f in (np.mean, np.std))
+    sizes = *hidden, 2 * candidates.shape[1]
+    return _trained(told, back, sizes, epochs, seed, log, *moments)
 
 
 def trained_gate(
@@ -123,9 +126,10 @@ def trained_on(
     return _learned(layers, spread, told, back, epochs, rate, np.random.default_rng(seed), log)
 
 
-def _trained(told, back, sizes, epochs, seed, log) -> Network:
+def _trained(told, back, sizes, epochs, seed, log, mean=None, spread=None) -> Network:
     rng = np.random.default_rng(seed)
-    mean, spread = told.mean(0), told.std(0) + 1e-2
+    mean = told.mean(0) if mean is None else mean
+    spread = (told.std(0) if spread is None else spread) + np.float32(1e-2)
     layers = _begun(rng, [told.shape[1], *sizes], mean, spread)
     return _learned(layers, spread, told, back, epochs, RATE, rng, log)
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import crease_examples
 import numpy as np
 import scipy.ndimage
+from depth_cameras import fused, one_view, some_camera
 from distances import (
     Floats,
     Solid,
@@ -64,8 +65,11 @@ FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
 DISPLACED = {"clean": 0.6, "white": 0.25, "wide": 0.15}
 """Shares among `displaced` meshes: without noise, with white noise, and with correlated noise."""
 
-STEEP_FIRST, SHORT_FIRST = 1_000_000, 2_000_000
-"""First seeds of `steep` and `short`; those of the other makers begin at 0."""
+STEEP_FIRST, SHORT_FIRST, SCAN_FIRST = 1_000_000, 2_000_000, 3_000_000
+"""First seeds of `steep`, `short` and `scan`; those of the other makers begin at 0."""
+
+SCANNED_WAVES, FUSED = 0.15, 0.65
+"""Share of the solids of `scan` whose whole surface has waves; share fused from several views."""
 
 
 class Example(NamedTuple):
@@ -128,6 +132,27 @@ def figure(seed: int) -> Example:
         return Example(mesh, truth, "figure")
     noisy = mesh.moved_to(_moved(rng, mesh.vertices, mesh.faces, truth))
     return Example(noisy, truth, "noisy figure")
+
+
+def scan(seed: int) -> Example:
+    """Scan a solid as depth cameras do: from one side, or fused from several into voxels."""
+    rng = np.random.default_rng(SCAN_FIRST + seed)
+    cells = int(np.exp(rng.uniform(np.log(48), np.log(96))))
+    shape = solid(rng, cells, rng.random() < SCANNED_WAVES)
+    camera = some_camera(rng)
+    if rng.random() < FUSED:
+        exact, h = _grid(shape, cells)
+        d, known = fused(rng, shape, exact, h, camera)
+        v, f = _meshed(rng, d, h)
+        cell = np.clip(np.round((v + EXTENT) / h).astype(int), 0, cells - 1)
+        f = f[known[tuple(cell.T)][f].all(1)]
+    else:
+        v, f, h = one_view(rng, shape, int(1.6 * cells), camera)
+    near = abs(shape(v[f].mean(1))) < 2 * h  # without what is left floating
+    used, f = np.unique(f[near], return_inverse=True)
+    v, f = v[used], np.ascontiguousarray(f.reshape(-1, 3), np.int32)
+    truth = gradient(shape, nearest(shape, v[f].mean(1), h))
+    return Example(core.TriangleMesh(v, f), truth, "scan")
 
 
 def cage(seed: int) -> Example:

@@ -29,6 +29,7 @@ from denoise_examples import (
     export,
     figure,
     rough,
+    scan,
     short,
     steep,
 )
@@ -42,22 +43,22 @@ from shock_filter.core.shape.smoothings import DEFINITION, GIVEN
 
 HERE = Path(__file__).resolve().parent
 
-MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py",
-           "even_meshes.py", "exports.py", "meshings.py", "solids.py",
+MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "depth_cameras.py",
+           "distances.py", "even_meshes.py", "exports.py", "meshings.py", "solids.py",
            "train_denoising.py")  # fmt: skip
 """The scripts that the networks depend on."""
 
-VERSION = 6
+VERSION = 7
 """Number of shipped trainings."""
 
 MAKERS = {"solid": example, "white": partial(example, kind="white"),
           "field": partial(example, kind="field"), "range": partial(example, kind="range"),
           "figure": figure, "displaced": displaced, "drawn": drawn, "cage": cage,
           "divided": divided, "rough": rough, "steep": steep, "short": short,
-          "export": export}  # fmt: skip
+          "export": export, "scan": scan}  # fmt: skip
 COUNTS = {"solid": 1500, "white": 200, "field": 150, "range": 200, "figure": 350, "displaced": 350,
           "drawn": 160, "cage": 400, "divided": 250, "rough": 150, "steep": 400,
-          "short": 300, "export": 400}  # fmt: skip
+          "short": 300, "export": 400, "scan": 400}  # fmt: skip
 """Number of seeds for each of `MAKERS`."""
 
 LATE = "cage", "divided", "rough", "steep", "short", "export"
@@ -77,7 +78,9 @@ FEWEST_OF_SOLIDS = 1500
 HIDDEN = 128, 64
 """Sizes of the hidden layers."""
 
-EPOCHS = 10
+EPOCHS = 10, 10, 16
+"""Of each stage."""
+
 KEPT_ASIDE = 16
 """One mesh in this many is for validation, not for training."""
 
@@ -110,7 +113,7 @@ def made(job: tuple[str, int], folder: Path) -> Path | None:
         return None
     if name in CLEAN_ONLY and kind.startswith("noisy"):
         return None
-    of_solid = kind in ("clean", "crisp", "white", "field", "both", "binary", "range")
+    of_solid = kind in ("clean", "crisp", "white", "field", "both", "binary", "range", "scan")
     if not (FEWEST_OF_SOLIDS if of_solid else FACES[0]) <= mesh.face_count <= FACES[1]:
         return None
     part = path.with_suffix(".part")
@@ -177,11 +180,12 @@ def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]
 
 
 def train(
-    paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print, begun=()
+    paths: list[Path], processes: int = 1, epochs=EPOCHS, hidden=HIDDEN, log=print, begun=()
 ) -> dict[str, Network]:
     """Train the stages in turn, and log their errors on validation meshes.
 
-    `begun` are networks of the first stages, if they are trained already.
+    `epochs` are those of each stage. `begun` are networks of the first stages, if they are trained
+    already.
     """
     networks: list[Network] = list(begun)
     for stage, name in list(enumerate(STAGES))[len(networks) :]:
@@ -200,7 +204,7 @@ def train(
             rows["targets"],
             weights,
             hidden,
-            epochs,
+            epochs[stage],
             seed=stage,
             log=log,
         )
