@@ -19,7 +19,7 @@ from ..base.memo import kept
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import phase
 from ..base.vectors import cross, dot, edge
-from ..errors import InvalidMesh
+from ..errors import InvalidMesh, SolverError
 from ..mesh.adjacency import within_rings
 from ..mesh.calculus import (
     average_to_faces,
@@ -337,13 +337,23 @@ def fitted(
 ) -> Floats:
     """Fit a mesh to target normals, several times in turn, starting from a displacement: (n, 3).
 
-    If a fit shrinks the mesh to a point, as may happen with few faces, the one before is returned.
+    If a fit shrinks the mesh to a point, as may happen with few faces, or misses its tolerance, as
+    may happen with needle-like faces, the one before is returned.
+
+    Raises
+    ------
+    SolverError
+        If the first fit of all misses its tolerance.
     """
     for fit in range(fits):
         with phase(fit / fits, (fit + 1) / fits, "Fitting the surface"):
             try:
                 moved = _fitted_once(mesh, moved, normals, weights, settings)
             except InvalidMesh:
+                return moved
+            except SolverError:
+                if not moved.any():
+                    raise
                 return moved
     return moved
 

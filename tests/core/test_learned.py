@@ -223,6 +223,27 @@ def test_clean_meshes_stay_bit_for_bit(shape):
     assert np.array_equal(core.denoise_geometry(mesh), mesh.vertices)
 
 
+@pytest.mark.parametrize("sound", [0, 1, 4])
+def test_a_later_fit_that_misses_its_tolerance_is_left_out(sound, monkeypatch):
+    calls, real = [], learned.displacement
+
+    def failing(*given):
+        calls.append(given)
+        if len(calls) > sound:
+            raise core.SolverError("It stopped.")
+        return real(*given)
+
+    monkeypatch.setattr(learned, "displacement", failing)
+    mesh = rough_sheet()
+    if sound == 0:
+        with pytest.raises(core.SolverError):
+            core.denoise_geometry(mesh)
+        return
+    out = core.denoise_geometry(mesh)
+    assert len(calls) > sound
+    assert np.isfinite(out).all() and not np.array_equal(out, mesh.vertices)
+
+
 def test_a_clean_part_beside_a_noisy_one_stays_bit_for_bit():
     clean, clean_faces = cube(8)
     round_, round_faces = icosphere(3)
