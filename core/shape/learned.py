@@ -65,12 +65,13 @@ _TURN_RAMP = 1.6, 3.0
 """Ramp in degrees, of the largest turn within two rings of a face: below the first value the face
 keeps its normal, above the second it takes the new one."""
 
-_DEVIATION_RAMP, _UNDO_ROUNDS = (1.0, 2.0), 4
-"""Ramp of a ratio: the squared distance from the target normals after a displacement, over that
+_BEGIN_RAMP, _END_RAMP, _UNDO_ROUNDS = (0.5, 1.5), (1.0, 2.0), 4
+"""Ramps of a ratio: the squared distance from the target normals after a displacement, over that
 before it. Below the first value a vertex keeps its displacement, above the second it loses all of
-it. A good fit leaves about 0.1, and one at creases of noisy voxel surfaces up to 1: what is undone
-there costs a tenth of the gain. The test is repeated, at most this often, because vertices that go
-back turn the faces beside them."""
+it. The first ramp is for what earlier stages have moved, before the fits of a stage; the second for
+the result of these fits. A good fit leaves about 0.1, and one at creases of noisy voxel surfaces up
+to 1: what is undone there costs a tenth of the gain. The test is repeated, at most this often,
+because vertices that go back turn the faces beside them."""
 
 _LEAST_DEVIATION = 3e-4
 """Squared distance between unit normals that counts as none: 1 degree."""
@@ -292,9 +293,9 @@ class _State:
         mesh = self._mesh
         other = None if keep_creases == 0.5 else with_creases(mesh, normals, keep_creases)
         normals = _allowed(mesh, kept_still(mesh, normals, other), self._weights)
-        begin = _nearer(mesh, self.moved, normals)
+        begin = _nearer(mesh, self.moved, normals, _BEGIN_RAMP)
         moved = fitted(mesh, begin, normals, self._weights, fits)
-        self.moved, self.normals = _nearer(mesh, moved, normals), normals
+        self.moved, self.normals = _nearer(mesh, moved, normals, _END_RAMP), normals
 
 
 def _allowed(mesh: TriangleMesh, normals: Floats, weights: Floats | None) -> Floats:
@@ -377,7 +378,9 @@ def _fitted_once(
     return moved
 
 
-def _nearer(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
+def _nearer(
+    mesh: TriangleMesh, moved: Floats, normals: Floats, ramp: tuple[float, float]
+) -> Floats:
     # Undoes a displacement where it leads away from the target normals: a fit may fail at long thin
     # faces and at close walls, and clean parts need none.
     for _ in range(_UNDO_ROUNDS):
@@ -388,7 +391,7 @@ def _nearer(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
             mesh.faces, mesh.normals, normals, off)  # fmt: skip
         around = average_around(mesh, off).astype(np.float64)
         own, new = average_around(mesh, average_to_faces(mesh, around)).T
-        share = 1.0 - between(new / (own + _LEAST_DEVIATION), _DEVIATION_RAMP)
+        share = 1.0 - between(new / (own + _LEAST_DEVIATION), ramp)
         if (share == 1.0).all():
             break
         moved = share[:, None] * moved

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The learned denoiser: noise of several kinds goes, what is clean stays bit for bit."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -321,13 +323,24 @@ def test_displacements_go_back_where_the_given_normals_are_nearer():
     mesh, rng = rough_sheet(), np.random.default_rng(1)
     moved = 0.2 * rng.normal(size=mesh.vertices.shape)
     there = mesh.moved_to(mesh.vertices + moved).normals
-    assert np.array_equal(learned._nearer(mesh, moved, there), moved)
-    assert not learned._nearer(mesh, moved, mesh.normals).any()
+    nearer = partial(learned._nearer, mesh, ramp=learned._END_RAMP)
+    assert np.array_equal(nearer(moved, there), moved)
+    assert not nearer(moved, mesh.normals).any()
     left = mesh.vertices[mesh.faces][:, :, 0].max(axis=1) < 5.5
-    mixed = learned._nearer(mesh, moved, np.where(left[:, None], there, mesh.normals))
+    mixed = nearer(moved, np.where(left[:, None], there, mesh.normals))
     x = mesh.vertices[:, 0]
     assert np.array_equal(mixed[x < 2.5], moved[x < 2.5])
     assert not mixed[x > 8.5].any()
+
+
+def test_what_falls_short_of_the_targets_stays_after_the_fits_of_a_stage_but_not_before_them():
+    mesh, rng = rough_sheet(), np.random.default_rng(1)
+    moved = 0.2 * rng.normal(size=mesh.vertices.shape)
+    there = mesh.moved_to(mesh.vertices + moved).normals
+    short = 0.1 * moved  # four fifths of the squared distance are left
+    assert np.array_equal(learned._nearer(mesh, short, there, learned._END_RAMP), short)
+    kept = learned._nearer(mesh, short, there, learned._BEGIN_RAMP)
+    assert np.linalg.norm(kept) < 0.9 * np.linalg.norm(short)
 
 
 def test_relief_of_ten_edges_a_wave_stays():
