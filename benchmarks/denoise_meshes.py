@@ -45,10 +45,9 @@ def sharpened(mesh: core.TriangleMesh, **settings: object) -> np.ndarray:
     return core.sharpen_geometry(mesh, core.GeometrySettings.of_paper(**settings))
 
 
-def then_sharpened(mesh: core.TriangleMesh, **settings: object) -> np.ndarray:
-    """Denoise with the defaults, then sharpen."""
-    clean = core.TriangleMesh(denoised(mesh), mesh.faces)
-    return sharpened(clean, **settings)
+def cleaned(mesh: core.TriangleMesh) -> core.TriangleMesh:
+    """Denoise with the defaults."""
+    return core.TriangleMesh(denoised(mesh), mesh.faces)
 
 
 OURS: dict[str, Filter] = {
@@ -58,8 +57,9 @@ OURS: dict[str, Filter] = {
     "ours, euclidean": lambda mesh: denoised(mesh, distance="euclidean"),
     "ours, euclidean, time 0.35": lambda mesh: denoised(mesh, distance="euclidean", time=0.35),
     "ours, positions": lambda mesh: denoised(mesh, filtered="positions"),
-    "ours, then sharpen": then_sharpened,
-    "ours, then sharpen, linear": lambda mesh: then_sharpened(mesh, sampling="linear"),
+    "ours, then sharpen at the default": lambda mesh: core.sharpen_geometry(cleaned(mesh)),
+    "ours, then sharpen": lambda mesh: sharpened(cleaned(mesh)),
+    "ours, then sharpen, linear": lambda mesh: sharpened(cleaned(mesh), sampling="linear"),
     "shock filter alone, mollified": lambda mesh: sharpened(mesh, **DENOISING),
 }
 BEST = "ours, best"

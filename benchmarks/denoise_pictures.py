@@ -11,10 +11,10 @@ import numpy as np
 import variants
 from denoise_meshes import (
     case_pair,
+    cleaned,
     creased_sphere,
     denoised,
     sharpened,
-    then_sharpened,
     with_noise,
 )
 from geometry_quality import errors
@@ -43,7 +43,7 @@ def shown(clean: core.TriangleMesh, noisy: core.TriangleMesh, view: View) -> lis
         clean.vertices,
         noisy.vertices,
         denoised(noisy),
-        then_sharpened(noisy, sampling="linear"),
+        sharpened(cleaned(noisy), sampling="linear"),
         denoised(noisy, distance="euclidean"),
         denoised(noisy, filtered="positions"),
         sharpened(noisy),

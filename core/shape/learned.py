@@ -69,9 +69,9 @@ _BEGIN_RAMP, _END_RAMP, _UNDO_ROUNDS = (0.5, 1.5), (1.0, 2.0), 4
 """Ramps of a ratio: the squared distance from the target normals after a displacement, over that
 before it. Below the first value a vertex keeps its displacement, above the second it loses all of
 it. The first ramp is for what earlier stages have moved, before the fits of a stage; the second for
-the result of these fits. A good fit leaves about 0.1, and one at creases of noisy voxel surfaces up
-to 1: what is undone there costs a tenth of the gain. The test is repeated, at most this often,
-because vertices that go back turn the faces beside them."""
+the result of these fits. A good fit leaves about 0.1; one at creases of noisy voxel surfaces leaves
+up to 1 and is still better than the input. The test is repeated, at most this often, because
+vertices that go back turn the faces beside them."""
 
 _LEAST_DEVIATION = 3e-4
 """Squared distance between unit normals that counts as none: 1 degree."""
