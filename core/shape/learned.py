@@ -103,9 +103,9 @@ _STEP_COUNT_RAMP = 50, 200
 _FLIP_SMOOTHING = 4.0
 """Vertices are smoothed by this factor times the mean share of turned-over faces around them."""
 
-_SUPPORT_PASSES, _NO_TURN = 16, 1e-6
-"""How far the creases are sharpened is measured by sums over neighbourhoods, with so many smoothing
-passes; and the mean squared turn that counts as none, 0.06 degrees."""
+_SUPPORT_PASSES, _SUPPORT_FACES = 16, 100
+"""How far creases are sharpened is measured by means over neighbourhoods, with so many smoothing
+passes; and the number of faces in such a mean, or so."""
 
 _RINGS, _LARGEST_PART = 24, 0.6
 """Vertices farther than this many rings from all faces that turn stay. With a mask, only the part
@@ -282,7 +282,8 @@ def _with_sharper_creases(
 ) -> tuple[Floats, Floats]:
     # Sharpens the denoised creases as far as the normals of the noisy mesh agree: around each
     # vertex, by the share of the turn from the denoised to the sharpened normals that fits the
-    # noisy ones best (least squares).
+    # noisy ones best (least squares). Where noise leaves that open, the share is smaller: a ridge
+    # penalty stands for the expectation that shares lie about 0, with a deviation of 1.
     if keep_creases == 0 or not moved.any():
         return moved, normals
     denoised = moved_to(mesh, moved)
@@ -291,11 +292,14 @@ def _with_sharper_creases(
             sharp = mesh.moved_to(sharpen_geometry(denoised, mask=weights))
     except (InvalidMesh, SolverError):
         return moved, normals
-    turn = sharp.normals - denoised.normals
-    products = np.einsum("fx,fx->f", mesh.normals - denoised.normals, turn)
-    sums = average_to_vertices(mesh, np.stack([products, np.einsum("fx,fx->f", turn, turn)], 1))
-    sums = smooth_vertices(mesh, sums, _SUPPORT_PASSES)
-    share = np.clip(sums[:, 0] / (sums[:, 1] + _NO_TURN), 0.0, 1.0) * min(2.0 * keep_creases, 1.0)
+    noise, turn = mesh.normals - denoised.normals, sharp.normals - denoised.normals
+    products = [
+        np.einsum("fx,fx->f", *pair) for pair in ((noise, turn), (turn, turn), (noise, noise))
+    ]
+    means = average_to_vertices(mesh, np.stack(products, axis=1))
+    fitting, turned, noisy = smooth_vertices(mesh, means, _SUPPORT_PASSES).T
+    share = fitting / np.maximum(turned + noisy / (2.0 * _SUPPORT_FACES), 1e-12)
+    share = np.clip(share, 0.0, 1.0) * min(2.0 * keep_creases, 1.0)
     moved = moved + share[:, None] * (sharp.vertices - denoised.vertices)
     return moved, blended_normals(mesh, normals, sharp.normals, share)
 
