@@ -3,7 +3,7 @@
 
 Not in the papers. The candidates are the smoothed normals of `smoothings`. In each of three stages
 a small network, trained on synthetic solids (`tools/training`), weighs them. Faces that hardly turn
-stay as they are. At the end creases are sharpened as far as the noisy normals agree.
+stay as they are.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.findings import gathering
 from ..base.memo import kept
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import phase
@@ -29,7 +28,6 @@ from ..mesh.calculus import (
     faces_touching,
     greatest_to_faces,
     greatest_to_vertices,
-    smooth_vertices,
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh, part_of
 from ..mixture.choice import free_mixture
@@ -38,7 +36,6 @@ from ..settings import FitSettings
 from .fit import LEAST_WEIGHT, displacement
 from .folds import mended
 from .noise import between, possible_noise
-from .sharpening import sharpen_geometry
 from .smoothings import (
     DEFINITION,
     Smoothings,
@@ -102,10 +99,6 @@ _STEP_COUNT_RAMP = 50, 200
 
 _FLIP_SMOOTHING = 4.0
 """Vertices are smoothed by this factor times the mean share of turned-over faces around them."""
-
-_SUPPORT_PASSES, _SUPPORT_FACES = 16, 100
-"""How far creases are sharpened is measured by means over neighbourhoods, with so many smoothing
-passes; and the number of faces in such a mean, or so."""
 
 _RINGS, _LARGEST_PART = 24, 0.6
 """Vertices farther than this many rings from all faces that turn stay. With a mask, only the part
@@ -189,16 +182,12 @@ def _denoised(mesh: TriangleMesh, free: Floats | None, ways: _Ways) -> tuple[Flo
 
 
 def _in_stages(mesh: TriangleMesh, weights: Floats | None, ways: _Ways) -> tuple[Floats, Floats]:
-    with phase(0.0, 0.9, _MESSAGE):
-        even = _without_voxels(mesh)
-        if even is None:
-            moved, normals = _level_in_stages(mesh, weights, ways)
-        else:
-            even = even if weights is None else weights[:, None] * even
-            moved, normals = _level_in_stages(moved_to(mesh, even), weights, ways)
-            moved = even + moved
-    with phase(0.9, 1.0, _MESSAGE):
-        return _with_sharper_creases(mesh, moved, normals, weights, ways.keep_creases)
+    even = _without_voxels(mesh)
+    if even is None:
+        return _level_in_stages(mesh, weights, ways)
+    even = even if weights is None else weights[:, None] * even
+    moved, normals = _level_in_stages(moved_to(mesh, even), weights, ways)
+    return even + moved, normals
 
 
 def _without_voxels(mesh: TriangleMesh) -> Floats | None:
@@ -271,37 +260,6 @@ def _near_turns(mesh: TriangleMesh, moved: Floats, normals: Floats) -> Floats:
     near = np.zeros(mesh.vertex_count, bool)
     near[mesh.faces[turned]] = True
     return moved * within_rings(mesh.neighbours, near, _RINGS)[:, None]
-
-
-def _with_sharper_creases(
-    mesh: TriangleMesh,
-    moved: Floats,
-    normals: Floats,
-    weights: Floats | None,
-    keep_creases: float,
-) -> tuple[Floats, Floats]:
-    # Sharpens the denoised creases as far as the normals of the noisy mesh agree: around each
-    # vertex, by the share of the turn from the denoised to the sharpened normals that fits the
-    # noisy ones best (least squares). Where noise leaves that open, the share is smaller: a ridge
-    # penalty stands for the expectation that shares lie about 0, with a deviation of 1.
-    if keep_creases == 0 or not moved.any():
-        return moved, normals
-    denoised = moved_to(mesh, moved)
-    try:
-        with gathering():  # reports of creases are for those who ask for sharpening
-            sharp = mesh.moved_to(sharpen_geometry(denoised, mask=weights))
-    except (InvalidMesh, SolverError):
-        return moved, normals
-    noise, turn = mesh.normals - denoised.normals, sharp.normals - denoised.normals
-    products = [
-        np.einsum("fx,fx->f", *pair) for pair in ((noise, turn), (turn, turn), (noise, noise))
-    ]
-    means = average_to_vertices(mesh, np.stack(products, axis=1))
-    fitting, turned, noisy = smooth_vertices(mesh, means, _SUPPORT_PASSES).T
-    share = fitting / np.maximum(turned + noisy / (2.0 * _SUPPORT_FACES), 1e-12)
-    share = np.clip(share, 0.0, 1.0) * min(2.0 * keep_creases, 1.0)
-    moved = moved + share[:, None] * (sharp.vertices - denoised.vertices)
-    return moved, blended_normals(mesh, normals, sharp.normals, share)
 
 
 def found_in_stage(mesh: TriangleMesh, nets: list[Network]) -> Smoothings:
