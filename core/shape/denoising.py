@@ -189,7 +189,8 @@ def denoise_geometry(
     impossible: where most faces share a plane with a neighbour and edges have many lengths, as in
     exports of design programs, or in components of up to 32 faces. Where the fit would leave
     normals farther from the mixture than the input's, as it may with long thin faces, the
-    displacement is undone, in part or fully.
+    displacement is undone, in part or fully. At the end creases are sharpened (see
+    `sharpen_geometry`) as far as the noisy normals agree.
 
     With "beltrami", the kernel of paper C is applied. Filtering the positions, as the paper does,
     rounds creases together with the noise. So the kernel is applied to the face normals, a signal

@@ -3,7 +3,7 @@
 
 Not in the papers. The candidates are the smoothed normals of `smoothings`. In each of three stages
 a small network, trained on synthetic solids (`tools/training`), weighs them. Faces that hardly turn
-stay as they are.
+stay as they are. At the end creases are sharpened as far as the noisy normals agree.
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ from ..mesh.calculus import (
     faces_touching,
     greatest_to_faces,
     greatest_to_vertices,
+    smooth_vertices,
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh, part_of
 from ..mixture.choice import free_mixture
 from ..mixture.network import Network, Singles, load
-from ..settings import FitSettings
+from ..settings import FitSettings, GeometrySettings
+from .creases import find_targets
 from .fit import LEAST_WEIGHT, displacement
 from .folds import mended
 from .noise import between, possible_noise
@@ -99,6 +101,13 @@ _STEP_COUNT_RAMP = 50, 200
 
 _FLIP_SMOOTHING = 4.0
 """Vertices are smoothed by this factor times the mean share of turned-over faces around them."""
+
+_AGREEMENT_PASSES, _AGREEMENT_FACES = 16, 100
+"""Smoothing passes of the means that tell how far noisy normals agree with sharper creases; and
+the number of faces, roughly, in such a mean."""
+
+_SHARPER_RAMP = 1.0, 1.2
+"""The same ramp as `_END_RAMP` for the sharpening at the end, with the noisy normals as target."""
 
 _RINGS, _LARGEST_PART = 24, 0.6
 """Vertices farther than this many rings from all faces that turn stay. With a mask, only the part
@@ -245,8 +254,11 @@ def _mixed_in_stages(
             with phase(0.5, 0.8, _MESSAGE):
                 normals = mixed(network, mesh, found)
             del found
-            with phase(0.8, 1.0, _MESSAGE):
+            with phase(0.8, 0.9 if last else 1.0, _MESSAGE):
                 state.fit(normals, FITS if last else 1, ways.keep_creases if last else 0.5)
+            if last:
+                with phase(0.9, 1.0, _MESSAGE):
+                    state.sharpen(ways.keep_creases)
         if not state.moved.any():
             break  # the mesh is clean, or no displacement brings normals nearer to their targets
     return _near_turns(mesh, state.moved, state.normals), state.normals
@@ -296,6 +308,34 @@ class _State:
         begin = _nearer(mesh, self.moved, normals, _BEGIN_RAMP)
         moved = fitted(mesh, begin, normals, self._weights, fits)
         self.moved, self.normals = _nearer(mesh, moved, normals, _END_RAMP), normals
+
+    def sharpen(self, keep_creases: float) -> None:
+        # Sharpens creases, of the faces that turn, as far as the noisy normals agree.
+        if keep_creases == 0 or not self.moved.any():
+            return
+        mesh = self._mesh
+        current = moved_to(mesh, self.moved)
+        sharp = find_targets(current, GeometrySettings()).normals
+        share = min(2.0 * keep_creases, 1.0) * _agreement(current, sharp, mesh.normals)
+        normals = blended_normals(mesh, self.normals, sharp, share)
+        still = (self.normals == mesh.normals).all(axis=1)
+        normals[still] = mesh.normals[still]
+        moved = fitted(mesh, self.moved, normals, self._weights)
+        step = _nearer(current, moved - self.moved, mesh.normals, _SHARPER_RAMP)
+        self.moved, self.normals = self.moved + step, normals
+
+
+def _agreement(mesh: TriangleMesh, sharp: Floats, noisy: Floats) -> Floats:
+    # The share, for each vertex, of the turn from the denoised to the sharpened normals that fits
+    # the noisy ones best around it: least squares with a ridge penalty. The penalty stands for the
+    # expectation that shares lie about 0, with a deviation of 1; it counts where noise is strong.
+    turn, noise = sharp - mesh.normals, noisy - mesh.normals
+    pairs = (noise, turn), (turn, turn), (noise, noise)
+    products = np.stack([np.einsum("fx,fx->f", *pair) for pair in pairs], axis=1)
+    around = smooth_vertices(mesh, average_to_vertices(mesh, products), _AGREEMENT_PASSES)
+    fitting, turning, noise_square = around.T
+    share = fitting / np.maximum(turning + noise_square / (2.0 * _AGREEMENT_FACES), 1e-12)
+    return np.clip(share, 0.0, 1.0)
 
 
 def _allowed(mesh: TriangleMesh, normals: Floats, weights: Floats | None) -> Floats:
