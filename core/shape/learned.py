@@ -102,9 +102,14 @@ _STEP_COUNT_RAMP = 50, 200
 _FLIP_SMOOTHING = 4.0
 """Vertices are smoothed by this factor times the mean share of turned-over faces around them."""
 
-_AGREEMENT_PASSES, _AGREEMENT_FACES = 16, 100
-"""Smoothing passes of the means that tell how far noisy normals agree with sharper creases; and
-the number of faces, roughly, in such a mean."""
+_AGREEMENT_PASSES, _SHORTEST_MEAN = 16, 0.2
+"""Smoothing passes of the means that tell how far noisy normals agree with sharper creases; such a
+mean covers about 100 faces. And the least length of the mean noisy normal that is counted."""
+
+_RIDGE = 0.04
+"""Ridge penalty of that share, as a part of the mean squared noise: it stands for the expectation
+that shares lie about 0, with a deviation of a third. With the ninth part of it, for a deviation of
+1, round edges of 2 to 4 edge lengths become crisper in strong noise."""
 
 _SHARPER_RAMP = 1.0, 1.2
 """The same ramp as `_END_RAMP` for the sharpening at the end, with the noisy normals as target."""
@@ -317,6 +322,7 @@ class _State:
         current = moved_to(mesh, self.moved)
         sharp = find_targets(current, GeometrySettings()).normals
         share = min(2.0 * keep_creases, 1.0) * _agreement(current, sharp, mesh.normals)
+        share = share if self._weights is None else share * self._weights
         normals = blended_normals(mesh, self.normals, sharp, share)
         still = (self.normals == mesh.normals).all(axis=1)
         normals[still] = mesh.normals[still]
@@ -327,14 +333,16 @@ class _State:
 
 def _agreement(mesh: TriangleMesh, sharp: Floats, noisy: Floats) -> Floats:
     # The share, for each vertex, of the turn from the denoised to the sharpened normals that fits
-    # the noisy ones best around it: least squares with a ridge penalty. The penalty stands for the
-    # expectation that shares lie about 0, with a deviation of 1; it counts where noise is strong.
-    turn, noise = sharp - mesh.normals, noisy - mesh.normals
-    pairs = (noise, turn), (turn, turn), (noise, noise)
+    # the noisy ones best around it: least squares with a ridge penalty. Noise shortens the mean of
+    # unit normals, so noisy ones are first divided by the length of their mean.
+    denoised, turn = mesh.normals, sharp - mesh.normals
+    noise = noisy - denoised
+    pairs = (noisy, denoised), (noisy, turn), (turn, turn), (noise, noise)
     products = np.stack([np.einsum("fx,fx->f", *pair) for pair in pairs], axis=1)
     around = smooth_vertices(mesh, average_to_vertices(mesh, products), _AGREEMENT_PASSES)
-    fitting, turning, noise_square = around.T
-    share = fitting / np.maximum(turning + noise_square / (2.0 * _AGREEMENT_FACES), 1e-12)
+    length, along, turn_square, noise_square = around.T
+    fitting = along / np.maximum(length, _SHORTEST_MEAN) + 0.5 * turn_square
+    share = fitting / np.maximum(turn_square + _RIDGE * noise_square, 1e-12)
     return np.clip(share, 0.0, 1.0)
 
 
