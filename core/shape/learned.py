@@ -108,8 +108,8 @@ mean covers about 100 faces. And the least length of the mean noisy normal that 
 
 _RIDGE = 0.04
 """Ridge penalty of that share, as a part of the mean squared noise: it stands for the expectation
-that shares lie about 0, with a deviation of a third. With the ninth part of it, for a deviation of
-1, round edges of 2 to 4 edge lengths become crisper in strong noise."""
+that shares lie about 0, with a deviation of a third. A smaller one makes fillets of 2 to 4 edge
+lengths crisper in strong noise along normals."""
 
 _SHARPER_RAMP = 1.0, 1.2
 """The same ramp as `_END_RAMP` for the sharpening at the end, with the noisy normals as target."""

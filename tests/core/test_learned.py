@@ -361,6 +361,32 @@ def test_creases_are_sharpened_only_as_far_as_the_noisy_normals_agree(sharp):
         assert error(found, truth) < 0.1 * error(round_, crisp)
 
 
+def test_sharpening_that_leads_away_from_the_noisy_normals_is_undone(monkeypatch):
+    crisp = core.TriangleMesh(*cube(16))
+    mesh = crisp.moved_to(smooth_vertices(crisp, crisp.vertices, 3))
+    near = noisy(mesh.vertices, mesh.faces, 0.01)
+    state = learned._State(near, None)
+    state.moved, state.normals = mesh.vertices - near.vertices, mesh.normals
+    monkeypatch.setattr(learned, "_agreement", lambda mesh, *_: np.ones(mesh.vertex_count))
+    state.sharpen(0.5)
+    assert error(near.moved_to(near.vertices + state.moved), mesh) < 0.01 * error(mesh, crisp)
+
+
+def test_noise_that_shortens_mean_normals_does_not_agree_with_sharper_creases():
+    mesh, rng = core.TriangleMesh(*icosphere(5)), np.random.default_rng(0)
+    denoised = mesh.normals
+    c, s = np.cos(np.radians(20.0)), np.sin(np.radians(20.0))
+    sharp = denoised @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = 0.6 * rng.normal(size=denoised.shape)
+    shares = []
+    for truth in (denoised, sharp):
+        seen = truth + turn
+        seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+        shares.append(learned._agreement(mesh, sharp, seen).mean())
+    assert shares[0] < 0.06
+    assert shares[1] > 0.65
+
+
 def test_relief_of_ten_edges_a_wave_stays():
     vertices, faces = icosphere(5)
     waves = 1 + 0.02 * np.sin(12 * vertices).sum(axis=1, keepdims=True)
